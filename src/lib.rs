@@ -51,23 +51,26 @@
 //!
 //! | module | may import |
 //! |---|---|
-//! | `error`, `encoding`, `simd` | nothing |
+//! | `error`, `decimal`, `encoding`, `sections`, `simd` | nothing |
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix` |
-//! | `light` | `error`, `encoding`, `matrix` |
+//! | `light` | `error`, `encoding`, `sections`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
-//! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
+//! | `scene` | `error`, `decimal`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `compress` | `error`, `matrix`, `light`, `simd` |
 //! | `store` | `error`, `files`, `matrix`, `light` |
-//! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
+//! | `container` | `error`, `encoding`, `sections`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
-//! | `share` | `error`, `matrix`, `light` |
+//! | `share` | `error`, `decimal`, `matrix`, `light` |
 //! | `resources`, `blob_store` | `error`, `files` |
 //! | `block_records` | `error`, `files`, `resources` |
 //! | `denoise` | `error`, `files`, `matrix`, `image`, `light`, `compress`, `resources`, `block_records`, `simd` |
 //! | `error_estimate` | `error`, `matrix`, `image`, `light`, `store`, `resources`, `denoise` |
 //! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate` |
+//! | `memory_matrix` | `error`, `matrix`, `image`, `light` |
+//! | `open` | `error`, `matrix`, `image`, `light`, `store`, `container`, `relight`, `pipeline`, `resources`, `blob_store` |
+//! | `make` | `error`, `light`, `scene`, `pipeline`, `resources` |
 //! | `sample_budget` | `error`, `block_records`, `container`, `matrix`, `light`, `scene`, `trace`, `store`, `denoise`, `resources`, `error_estimate`, `pipeline` |
 //! | `farm` | `error`, `files`, `matrix`, `light`, `scene`, `trace`, `compress`, `denoise`, `resources`, `blob_store`, `block_records`, `pipeline` |
 //!
@@ -118,6 +121,7 @@ pub mod blob_store;
 mod block_records;
 pub mod compress;
 pub mod container;
+mod decimal;
 #[doc(hidden)]
 pub mod denoise;
 mod encoding;
@@ -144,6 +148,7 @@ pub mod resources;
 pub mod sample_budget;
 #[cfg(feature = "scene")]
 pub mod scene;
+mod sections;
 #[doc(hidden)]
 pub mod share;
 mod simd;

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use ltm::Result;
-use ltm::compress::{CompressSettings, Compressor, Core, Method, PriorChoice, Scope, Target};
+use ltm::compress::{CompressSettings, Compressor, CompressorPlan, Core, Method, PriorChoice, Scope, Target};
 use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
 
@@ -79,8 +79,7 @@ fn block_of(source: &Floor, id: BlockId) -> Block {
 
 /// Every block analysed: the bytes of the candidates, and the relative error over the matrix.
 fn analyse(source: &Floor, settings: CompressSettings) -> (Vec<Vec<u8>>, f64) {
-    let mut compressor = Compressor::new(&panel(), source.shape, settings).unwrap();
-    compressor.choose_globally(source).unwrap();
+    let compressor = CompressorPlan::new(&panel(), source.shape, settings).unwrap().choose_globally(source).unwrap();
     let (mut bytes, mut error, mut norm) = (Vec::new(), 0.0, 0.0);
     for id in source.shape.blocks() {
         let block = block_of(source, id);
@@ -159,11 +158,12 @@ fn blocks_are_read_as_often_as_is_said_and_only_where_rows_are_wanted() {
         [(Method::Algorithm1, 512), (Method::Algorithm2, 512), (Method::Algorithm2, 1 << 16), (Method::Algorithm3, 512)]
     {
         let settings = CompressSettings { sample_rows, ..settings(method, Scope::Global) };
-        let mut compressor = Compressor::new(&panel(), floor.shape, settings).unwrap();
+        let plan = CompressorPlan::new(&panel(), floor.shape, settings).unwrap();
+        let passes = plan.global_passes();
         floor.reads.store(0, Ordering::Relaxed);
-        compressor.choose_globally(&floor).unwrap();
+        let compressor = plan.choose_globally(&floor).unwrap();
         let (reads, blocks) = (floor.reads.load(Ordering::Relaxed), floor.shape.block_count());
-        assert!(reads <= compressor.global_passes() * blocks, "{method}: {reads}");
+        assert!(reads <= passes * blocks, "{method}: {reads}");
         // 32 rows lie in 32 blocks of 256 at most.
         let most =
             if method == Method::Algorithm2 { u32::from(sample_rows == 512) * 2 * blocks + blocks + 32 } else { 64 };
@@ -195,4 +195,7 @@ fn methods_of_blocks_are_refused() {
     assert!(Compressor::new(&panel(), shape, projection).is_err());
     let small = CompressSettings { sample_rows: 31, ..settings(Method::Algorithm4, Scope::Global) };
     assert!(Compressor::new(&panel(), shape, small).is_err());
+    // Without the matrix nothing can be chosen from the whole of it.
+    let plan = CompressorPlan::new(&panel(), shape, settings(Method::Algorithm4, Scope::Global)).unwrap();
+    assert!(plan.for_blocks().err().unwrap().to_string().contains("whole matrix"));
 }

@@ -146,6 +146,20 @@ fn outside_crates_are_used_only_where_the_table_allows() {
     assert!(broken.is_empty(), "\n{}", broken.join("\n"));
 }
 
+/// The output of `Debug` follows the names in the code: in a file, a hash or a message it would change with them.
+#[test]
+fn no_text_of_the_library_is_debug_output() {
+    let mut broken = Vec::new();
+    for (inside, text) in library_files() {
+        for Line { number, code, .. } in code_lines(&text).iter().filter(|line| !line.is_test) {
+            if code.contains(":?}") || code.contains(":#?}") {
+                broken.push(format!("{}:{number}: write the text out, or implement `Display`", inside.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+}
+
 #[test]
 fn every_dependency_has_a_place() {
     let table = table_of("crate");

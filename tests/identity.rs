@@ -5,7 +5,7 @@
 
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
-use ltm::denoise::{DENOISER_VERSION, Denoiser, FilterRadii, GuideStatistics, ImageRows, Pool, Region};
+use ltm::denoise::{CleanedRegion, DENOISER_VERSION, Denoiser, FilterRadii, GuideStatistics, ImageRows, Pool, Region};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry, TracedBlock};
 use ltm::pipeline::job_of;
@@ -122,8 +122,9 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     let (direct, indirect) = (halves(&direct_light), halves(&indirect_light));
     tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
     let (guides, pool) = (tally.guides(), Pool::default());
-    let all = Region { x: 0..SIZE.0, y: 0..SIZE.1 };
-    let mut cleaning = Denoiser::new((SIZE, SIZE.1), all, 10, &guides, (FilterRadii::of_image(1, 1), &pool));
+    let region = Region { x: 0..SIZE.0, y: 0..SIZE.1 };
+    let all = CleanedRegion { size: SIZE, block: SIZE.1, region, features: 10 };
+    let mut cleaning = Denoiser::new(all, FilterRadii::of_image(1, 1), &guides, &pool);
     let wanted = cleaning.wants().unwrap();
     for strip in cleaning.strips(&wanted, &[0]) {
         strip.direct.copy_from_slice(direct_light.values());

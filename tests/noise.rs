@@ -1,6 +1,6 @@
 //! What compression makes of the samples' noise: blocks with a known truth and two noisy half-sample estimates.
 
-use ltm::compress::{ClusterResidual, CompressSettings, Compressor, Target};
+use ltm::compress::{ClusterMap, ClusterResidual, CompressSettings, Compressor, Target};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, LightLayout};
 use ltm::light::{Clusters, Light, LightBasis, LightKind, probe_lightings};
@@ -267,7 +267,7 @@ fn errors_with_clusters(samples: usize) -> [f64; 2] {
     let again = ClusterResidual::from_bytes(&contrasts.to_bytes()).unwrap();
     assert_eq!(again, contrasts);
     assert_eq!(ClusterResidual::from_bytes(&contrasts.to_bytes()[1..]), None);
-    compressor.spread(images, &again, (&clusters, &map), &mut block);
+    compressor.spread(images, &again, ClusterMap { clusters: &clusters, shares: &map }, &mut block);
     assert!(block.entries().iter().all(|&v| v >= 0.0));
     for (cluster, row) in (0..clusters.count()).flat_map(|cluster| (0..ROWS).map(move |row| (cluster, row))) {
         let sum: f64 = members(cluster).map(|j| f64::from(block.entries()[j * ROWS + row])).sum();

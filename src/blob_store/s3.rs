@@ -330,7 +330,7 @@ fn said_by(error: &object_store::Error) -> String {
     let text = if deepest.is_empty() { text } else { format!("{text}: {deepest}") };
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     // What we set ourselves.
-    let words = words.replace(&format!(", max_retries: {RETRIES}, retry_timeout: {:?}", 2 * BROKEN_OFF), "");
+    let words = words.replace(&format!(", max_retries: {RETRIES}, retry_timeout: {}s", 2 * BROKEN_OFF.as_secs()), "");
     match words.char_indices().nth(MAX_SHOWN_CHARACTERS) {
         Some((end, _)) => format!("{}…", &words[..end]),
         None => words,

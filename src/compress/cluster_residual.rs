@@ -31,6 +31,15 @@ pub struct ClusterResidual {
     sparse: Vec<SparseEntry>,
 }
 
+/// How columns are made of the images of clusters.
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterMap<'a> {
+    /// Which column is in which cluster: `S`.
+    pub clusters: &'a Clusters,
+    /// The share of each cluster's image in each column: `R`, clusters × columns, row-major.
+    pub shares: &'a [f32],
+}
+
 impl Compressor {
     /// The residual of an analysed block. Entries of emission seen by the camera (`is_seen`) are left out.
     pub fn contrasts(&self, candidate: &Candidate, is_seen: impl Fn(&SparseEntry) -> bool) -> ClusterResidual {
@@ -52,25 +61,20 @@ impl Compressor {
     /// stays, unless that is negative itself.
     ///
     /// # Panics
-    /// If the sizes differ.
-    pub fn spread(
-        &self,
-        mut images: Vec<f32>,
-        contrasts: &ClusterResidual,
-        (clusters, map): (&Clusters, &[f32]),
-        block: &mut Block,
-    ) {
+    /// If they are of another size.
+    pub fn spread(&self, mut images: Vec<f32>, contrasts: &ClusterResidual, map: ClusterMap<'_>, block: &mut Block) {
         let (m, n, rank) = (contrasts.rows, contrasts.columns, contrasts.noise.len());
         assert_eq!((m, n), (block.rows(), block.columns()));
-        assert_eq!((images.len(), map.len()), (m * clusters.count(), n * clusters.count()));
-        // An entry stored by itself is subtracted from its cluster's image first.
+        let ClusterMap { clusters, shares } = map;
+        assert_eq!((images.len(), shares.len()), (m * clusters.count(), n * clusters.count()));
+        // A single entry tells its column apart from the share that it has of its cluster: that much less is spread.
         for entry in &contrasts.sparse {
             images[usize::from(clusters.of_column()[entry.column.index()]) * m + entry.row as usize] -= entry.value;
         }
         let mut left = images;
         left.extend(contrasts.left.iter().map(|v| v.to_f32()));
-        let mut right = map.to_vec();
-        right.extend(self.trusted(contrasts, (clusters, map)));
+        let mut right = shares.to_vec();
+        right.extend(self.trusted(contrasts, map));
         let both = clusters.count() + rank;
         write_product(
             MatMut::from_column_major_slice_mut(block.entries_mut(), m, n),
@@ -83,12 +87,12 @@ impl Compressor {
         keep_positive(clusters, block);
     }
 
-    /// Right factors of the residual components, row-major, scaled down by their noise.
-    fn trusted(&self, contrasts: &ClusterResidual, (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+    /// Right sides of the components beside the clusters, row-major, as far as they are no noise.
+    fn trusted(&self, contrasts: &ClusterResidual, map: ClusterMap<'_>) -> Vec<f32> {
         let (n, rank) = (contrasts.columns, contrasts.noise.len());
-        let beside = |row: &[f32]| beside_clusters(row, (clusters, map));
+        let beside = |row: &[f32]| beside_clusters(row, map);
         let mut right: Vec<f32> = contrasts.right.chunks_exact(n).flat_map(beside).collect();
-        let energies = self.energies(&right, rank);
+        let energies = self.plan().energies(&right, rank);
         let scale = 1.0 / (contrasts.rows as f32).sqrt();
         for ((row, [own, fallen]), energy) in right.chunks_exact_mut(n).zip(&contrasts.noise).zip(energies) {
             let noise = f64::from(*own) + f64::from(*fallen) / energy.max(f64::MIN_POSITIVE);
@@ -147,12 +151,12 @@ impl ClusterResidual {
     }
 }
 
-/// `v (I − S R)` for a row `v`.
-fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+/// `v (I − S R)` of a row `v`.
+fn beside_clusters(row: &[f32], ClusterMap { clusters, shares }: ClusterMap<'_>) -> Vec<f32> {
     let mut sums = vec![0.0f32; clusters.count()];
     row.iter().zip(clusters.of_column()).for_each(|(v, &cluster)| sums[usize::from(cluster)] += v);
     let mut rest = row.to_vec();
-    for (sum, map) in sums.iter().zip(map.chunks_exact(row.len())) {
+    for (sum, map) in sums.iter().zip(shares.chunks_exact(row.len())) {
         rest.iter_mut().zip(map).for_each(|(rest, share)| *rest -= sum * share);
     }
     rest

@@ -7,7 +7,7 @@
 //! - A uniform quantiser of step `Δ` has the error `Δ²/12` for each entry, and one more bit quarters it. So `−dD/dR = 2
 //!   ln 2 · g Δ²/12 = λ` gives the step, where `g` is the weight of an entry's error. It is the component's gain for an
 //!   entry of `L`, and the mean of diag `K` for an entry of `R`. Bands of `R` may be stored with finer steps (see
-//!   [`FactoredBlock::right_fineness`]). The estimate ignores that, so the result is slightly better than expected.
+//!   [`FactoredBlock::right_band_steps`]). The estimate ignores that, so the result is slightly better than expected.
 //! - A sparse entry is kept if its gain is above `λ` times its bits.
 
 use super::candidate::{Candidate, CandidateSummary, percentile};

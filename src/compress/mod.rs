@@ -35,6 +35,7 @@ mod nlm;
 mod noise;
 mod outliers;
 mod paper;
+mod plan;
 mod range;
 mod residual;
 mod sanitise;
@@ -42,11 +43,12 @@ mod settings;
 mod size;
 
 pub use candidate::{Candidate, CandidateSummary};
-pub use cluster_residual::ClusterResidual;
+pub use cluster_residual::{ClusterMap, ClusterResidual};
 pub use compressor::Compressor;
 pub use cut::{Cut, component_bits};
 pub use light_sums::{ColumnErrors, LightErrorSums};
 pub use paper::{CurSelection, cur};
+pub use plan::CompressorPlan;
 pub use residual::Residual;
 pub use sanitise::{BlockSums, Replaced};
 pub use settings::{

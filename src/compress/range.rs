@@ -130,7 +130,8 @@ pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
     weights: &PriorWeights,
-    (rank, power_iterations): (usize, usize),
+    rank: usize,
+    power_iterations: usize,
     seen_under: MatRef<'_, f32>,
     wanted: &Wanted<'_>,
 ) -> (Range, Mat<f32>) {

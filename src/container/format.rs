@@ -2,8 +2,10 @@
 
 use crate::matrix::BlockReport;
 
-/// Version of the format that this program writes, and the only one that it reads.
-pub const FORMAT_VERSION: u32 = 1;
+/// Version of the format that this program writes; it reads this one and all earlier ones.
+pub const FORMAT_VERSION: u32 = 2;
+/// The version whose metadata stand one after the other, before they became tagged sections.
+pub(super) const VERSION_WITHOUT_SECTIONS: u32 = 1;
 
 /// First bytes of a container. The high bit, the line ends and the control-Z show transfers that were not binary.
 pub(super) const HEADER_MAGIC: [u8; 8] = *b"\x89LTC\r\n\x1a\n";
@@ -19,6 +21,13 @@ pub(super) const BLOCK_RECORD_BYTES: usize = 32;
 pub(super) const LAYER_RECORD_BYTES: usize = 16;
 /// Most layers of a block.
 pub(super) const MAX_LAYERS: usize = 16;
+
+fn check_version(version: u32) -> Result<(), String> {
+    match version {
+        VERSION_WITHOUT_SECTIONS..=FORMAT_VERSION => Ok(()),
+        _ => Err(format!("it is of format version {version}; this program reads up to {FORMAT_VERSION}")),
+    }
+}
 
 /// The header: says what the file is before anything else is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,9 +56,7 @@ impl ContainerHeader {
             return Err("it does not begin as a container".into());
         }
         let version = u32_at(bytes, 8);
-        if version != FORMAT_VERSION {
-            return Err(format!("it is of format version {version}; this program reads version {FORMAT_VERSION}"));
-        }
+        check_version(version)?;
         if u32_at(bytes, 60) != crc32fast::hash(&bytes[..60]) {
             return Err("the header's checksum does not fit".into());
         }
@@ -64,6 +71,7 @@ impl ContainerHeader {
 /// The trailer: where the metadata and the index stand.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Trailer {
+    pub(super) version: u32,
     /// Offset of the metadata, where the chunks end.
     pub(super) metadata_offset: u64,
     /// Bytes of the metadata.
@@ -82,7 +90,7 @@ impl Trailer {
     pub(super) fn encode(&self) -> [u8; TRAILER_BYTES] {
         let mut bytes = [0; TRAILER_BYTES];
         bytes[0..8].copy_from_slice(&TRAILER_MAGIC);
-        bytes[8..12].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.version.to_le_bytes());
         bytes[12..16].copy_from_slice(&self.block_count.to_le_bytes());
         bytes[16..20].copy_from_slice(&self.layer_count.to_le_bytes());
         bytes[20..24].copy_from_slice(&self.metadata_bytes.to_le_bytes());
@@ -101,9 +109,7 @@ impl Trailer {
             return Err("it does not end as a container".into());
         }
         let version = u32_at(bytes, 8);
-        if version != FORMAT_VERSION {
-            return Err(format!("it is of format version {version}; this program reads version {FORMAT_VERSION}"));
-        }
+        check_version(version)?;
         if u32_at(bytes, 60) != crc32fast::hash(&bytes[..60]) {
             return Err("the trailer's checksum does not fit".into());
         }
@@ -111,6 +117,7 @@ impl Trailer {
             return Err("the trailer's reserved bytes are not zero".into());
         }
         let trailer = Self {
+            version,
             block_count: u32_at(bytes, 12),
             layer_count: u32_at(bytes, 16),
             metadata_bytes: u32_at(bytes, 20),
@@ -269,7 +276,7 @@ mod tests {
             &header,
             &[
                 ("magic", HEADER_MAGIC.to_vec()),
-                ("version", le(1)),
+                ("version", le(2)),
                 ("block count", le(0x0102_0304)),
                 ("job hash", vec![7; 32]),
                 ("reserved", vec![0; 12]),
@@ -277,6 +284,7 @@ mod tests {
             ],
         );
         let trailer = Trailer {
+            version: FORMAT_VERSION,
             metadata_offset: 0x1122_3344_5566,
             metadata_bytes: 11,
             block_count: 12,
@@ -292,7 +300,7 @@ mod tests {
             &trailer,
             &[
                 ("magic", TRAILER_MAGIC.to_vec()),
-                ("version", le(1)),
+                ("version", le(2)),
                 ("block count", le(12)),
                 ("layer count", le(13)),
                 ("metadata bytes", le(11)),

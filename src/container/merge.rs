@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 
 use super::reader::ContainerReader;
-use super::writer::{ContainerSummary, assemble};
+use super::writer::{About, ContainerSummary, assemble};
 use crate::error::{Error, Result};
 use crate::files::check_output;
 use crate::light::StatedErrors;
@@ -66,7 +66,8 @@ pub fn merge(
     };
     // Those of parts do not make those of the whole.
     let errors = if readers.len() == 1 { *first.errors() } else { StatedErrors::default() };
-    assemble(target, overwrite, (first.job(), first.report(), &errors), records, chunk)
+    let about = About { job: first.job(), report: first.report(), errors: &errors };
+    assemble(target, overwrite, about, records, chunk)
 }
 
 /// The first part that holds a block undamaged; none where no part holds it.

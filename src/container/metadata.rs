@@ -1,10 +1,13 @@
 //! The metadata of a container: the job, the report and, where they are known, the errors of single lights, of denoising and
 //! of exposed images, compressed together.
 
-use super::format::u32_at;
+use std::borrow::Cow;
+
+use super::format::{VERSION_WITHOUT_SECTIONS, u32_at};
 use super::report::ContainerReport;
-use crate::encoding::{decode as decode_record, encode as encode_record};
-use crate::light::{DenoiseErrors, ExposedError, Job, LightErrors, StatedErrors, decode_job, encode_job};
+use crate::encoding::{Decode, decode as decode_record, encode as encode_record};
+use crate::light::{DenoiseErrors, JOB_SECTIONS, Job, StatedErrors, decode_positional_job, encode_job, job_of};
+use crate::sections::{Sections, Tag, append};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
 const FREE_BYTES: usize = 1 << 16;
@@ -13,79 +16,124 @@ const EARNED_PER_BYTE: usize = 256;
 /// From so many bytes on, those of some thousand lights, the strongest compression would take seconds for each million.
 const LARGE_BYTES: usize = 1 << 20;
 
-/// Encodes job and report: two lengths, a flag, and their bytes, zstd-compressed unless that would look like a bomb.
+/// The section of the report.
+const REPORT: Tag = Tag(*b"rprt");
+/// The section of the errors of single lights and of all.
+const LIGHT_ERRORS: Tag = Tag(*b"lerr");
+/// The section of what cleaning did.
+const CLEANING_ERRORS: Tag = Tag(*b"derr");
+/// The section of the error of exposed images.
+const EXPOSED_ERROR: Tag = Tag(*b"xerr");
+
+/// What the metadata say.
+pub(super) type Metadata = (Job, ContainerReport, StatedErrors);
+
+/// Encodes metadata: the bytes of all sections, a flag, and the sections, zstd-compressed unless that would look like a bomb.
 pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors) -> Vec<u8> {
-    let job = encode_job(job);
-    let mut report = encode_record(report);
-    if let Some(lights) = &errors.lights {
-        report.extend(encode_record(lights));
-        // The errors of exposed images stand behind those of denoising, which are no numbers where nothing was denoised.
-        let cleaning = errors.cleaning.or(errors.exposed.map(|_| DenoiseErrors::NONE));
-        cleaning.iter().for_each(|cleaning| report.extend(encode_record(cleaning)));
-        errors.exposed.iter().for_each(|exposed| report.extend(encode_record(exposed)));
+    let mut plain = encode_job(job);
+    append(&mut plain, REPORT, &encode_record(report));
+    if let Some(errors) = &errors.lights {
+        append(&mut plain, LIGHT_ERRORS, &encode_record(errors));
     }
-    let plain = [job.as_slice(), report.as_slice()].concat();
+    if let Some(errors) = &errors.cleaning {
+        append(&mut plain, CLEANING_ERRORS, &encode_record(errors));
+    }
+    if let Some(error) = &errors.exposed {
+        append(&mut plain, EXPOSED_ERROR, &encode_record(error));
+    }
     let packed = zstd::bulk::compress(&plain, if plain.len() < LARGE_BYTES { 19 } else { 9 })
         .expect("compressing into memory cannot fail");
     let compressed = packed.len() < plain.len() && plain.len() <= allowed(packed.len());
     let mut bytes = Vec::new();
-    bytes.extend((job.len() as u32).to_le_bytes());
-    bytes.extend((report.len() as u32).to_le_bytes());
+    bytes.extend((plain.len() as u32).to_le_bytes());
     bytes.extend(u32::from(compressed).to_le_bytes());
     bytes.extend(if compressed { packed } else { plain });
     bytes
 }
 
-/// Decodes job and report, refusing lengths that the bytes have not earned.
-pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, StatedErrors), String> {
-    let Some(body) = bytes.get(12..) else {
+/// Decodes the metadata of a file of a known version, refusing lengths that the bytes have not earned.
+pub(super) fn decode(version: u32, bytes: &[u8]) -> Result<Metadata, String> {
+    let metadata = match version {
+        VERSION_WITHOUT_SECTIONS => decode_positional(bytes)?,
+        _ => decode_sections(bytes)?,
+    };
+    let (job, _, StatedErrors { lights, .. }) = &metadata;
+    if let Some(worst) = lights.map(|lights| lights.worst_column).filter(|&c| c as usize >= job.shape.columns()) {
+        return Err(format!("the errors of lights name column {worst}, beyond the last"));
+    }
+    Ok(metadata)
+}
+
+fn decode_sections(bytes: &[u8]) -> Result<Metadata, String> {
+    let Some((head, body)) = bytes.split_first_chunk::<8>() else {
         return Err("the metadata is cut short".into());
     };
-    let (job_bytes, report_bytes) = (u32_at(bytes, 0) as usize, u32_at(bytes, 4) as usize);
-    let plain_bytes = job_bytes + report_bytes;
-    let unpacked;
-    let plain = match u32_at(bytes, 8) {
-        0 => body,
-        1 if plain_bytes <= allowed(body.len()) => {
-            unpacked = zstd::bulk::decompress(body, plain_bytes)
-                .map_err(|e| format!("the metadata does not decompress ({e})"))?;
-            &unpacked
-        }
+    let plain = unpacked(body, u32_at(head, 4), u32_at(head, 0) as usize)?;
+    let known = [&JOB_SECTIONS[..], &[REPORT, LIGHT_ERRORS, CLEANING_ERRORS, EXPOSED_ERROR]].concat();
+    let sections = Sections::split(&plain, &known)?;
+    let errors = StatedErrors {
+        lights: section(&sections, LIGHT_ERRORS, "errors of lights")?,
+        cleaning: section(&sections, CLEANING_ERRORS, "errors of cleaning")?,
+        exposed: section(&sections, EXPOSED_ERROR, "error of exposed images")?,
+    };
+    Ok((job_of(&sections)?, section(&sections, REPORT, "report")?.unwrap_or_default(), errors))
+}
+
+/// The record of a section, which fills it; none where there is no such section.
+fn section<T: Decode<()>>(sections: &Sections<'_>, tag: Tag, name: &str) -> Result<Option<T>, String> {
+    let Some(body) = sections.body(tag) else { return Ok(None) };
+    match decode_record(body) {
+        Ok((record, used)) if used == body.len() => Ok(Some(record)),
+        Ok((_, used)) => Err(format!("the section of the {name} has {} trailing bytes", body.len() - used)),
+        Err(e) => Err(format!("the section of the {name} does not decode ({e})")),
+    }
+}
+
+/// Decodes the metadata of version 1: job and report one after the other, then the errors as far as they are known.
+fn decode_positional(bytes: &[u8]) -> Result<Metadata, String> {
+    let Some((head, body)) = bytes.split_first_chunk::<12>() else {
+        return Err("the metadata is cut short".into());
+    };
+    let (job_bytes, report_bytes) = (u32_at(head, 0) as usize, u32_at(head, 4) as usize);
+    let plain = unpacked(body, u32_at(head, 8), job_bytes + report_bytes)?;
+    let job = decode_positional_job(&plain[..job_bytes])?;
+    let mut rest = &plain[job_bytes..];
+    let report = next(&mut rest, "report")?.ok_or("the report is missing")?;
+    let errors = StatedErrors {
+        lights: next(&mut rest, "errors of lights")?,
+        cleaning: next(&mut rest, "errors of cleaning")?.filter(|errors: &DenoiseErrors| !errors.is_none()),
+        exposed: next(&mut rest, "error of exposed images")?,
+    };
+    match rest.len() {
+        0 => Ok((job, report, errors)),
+        bytes => Err(format!("the report has {bytes} trailing bytes")),
+    }
+}
+
+/// The record at the start of `rest`, which is shortened by it; none at the end.
+fn next<T: Decode<()>>(rest: &mut &[u8], name: &str) -> Result<Option<T>, String> {
+    if rest.is_empty() {
+        return Ok(None);
+    }
+    let (record, used) = decode_record(rest).map_err(|e| format!("the {name} does not decode ({e})"))?;
+    *rest = &rest[used..];
+    Ok(Some(record))
+}
+
+/// The body of metadata, which are `plain_bytes` long and compressed as `flag` says.
+fn unpacked(body: &[u8], flag: u32, plain_bytes: usize) -> Result<Cow<'_, [u8]>, String> {
+    let plain: Cow<'_, [u8]> = match flag {
+        0 => body.into(),
+        1 if plain_bytes <= allowed(body.len()) => zstd::bulk::decompress(body, plain_bytes)
+            .map_err(|e| format!("the metadata does not decompress ({e})"))?
+            .into(),
         1 => return Err("the metadata claims more than its bytes can hold".into()),
         flag => return Err(format!("the metadata is compressed in an unknown way ({flag})")),
     };
-    if plain.len() != plain_bytes {
-        return Err("the metadata's lengths do not fit each other".into());
+    match plain.len() == plain_bytes {
+        true => Ok(plain),
+        false => Err("the metadata's lengths do not fit each other".into()),
     }
-    let job = decode_job(&plain[..job_bytes])?;
-    let (report, used): (ContainerReport, usize) =
-        decode_record(&plain[job_bytes..]).map_err(|e| format!("the report does not decode ({e})"))?;
-    let rest = &plain[job_bytes + used..];
-    if rest.is_empty() {
-        return Ok((job, report, StatedErrors::default()));
-    }
-    let (lights, used): (LightErrors, usize) =
-        decode_record(rest).map_err(|e| format!("the errors of lights do not decode ({e})"))?;
-    let mut rest = &rest[used..];
-    let mut cleaning = None;
-    if !rest.is_empty() {
-        let (errors, used): (DenoiseErrors, usize) =
-            decode_record(rest).map_err(|e| format!("the errors of cleaning do not decode ({e})"))?;
-        (cleaning, rest) = (Some(errors).filter(|errors| !errors.is_none()), &rest[used..]);
-    }
-    let mut exposed = None;
-    if !rest.is_empty() {
-        let (error, used): (ExposedError, usize) =
-            decode_record(rest).map_err(|e| format!("the error of exposed images does not decode ({e})"))?;
-        (exposed, rest) = (Some(error), &rest[used..]);
-    }
-    if !rest.is_empty() {
-        return Err(format!("the report has {} trailing bytes", rest.len()));
-    }
-    if lights.worst_column as usize >= job.shape.columns() {
-        return Err(format!("the errors of lights name column {}, beyond the last", lights.worst_column));
-    }
-    Ok((job, report, StatedErrors { lights: Some(lights), cleaning, exposed }))
 }
 
 fn allowed(packed_bytes: usize) -> usize {

@@ -12,7 +12,7 @@ use super::format::{BlockRecord, ContainerHeader, HEADER_BYTES, HEADER_MAGIC, TR
 use super::index::{Index, PIECE_BYTES};
 use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
-use super::metadata;
+use super::metadata::{self, Metadata};
 use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Hint, Result};
@@ -379,12 +379,10 @@ fn usable(block: FactoredBlock) -> Result<FactoredBlock, String> {
     }
 }
 
-type Metadata = (Job, ContainerReport, StatedErrors);
-
-/// Decodes the index and the metadata from the end of a file.
+/// What the end of a file says.
 fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), String> {
     let (index, metadata) = Index::of(end, trailer)?;
-    let metadata = metadata::decode(&metadata)?;
+    let metadata = metadata::decode(trailer.version, &metadata)?;
     let blocks = metadata.0.shape.block_count();
     if trailer.block_count != blocks {
         return Err(format!("the index has {} blocks, the job {blocks}", trailer.block_count));

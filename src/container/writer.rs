@@ -20,8 +20,9 @@ use crate::files::{check_output, replace};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
-/// Of [`StatedErrors`] in the file at most: 53 bytes that zstd may not make shorter, and its words for a second kind of data.
-const ERRORS_BYTES: u64 = 64;
+/// Bytes of [`StatedErrors`] in the file at most: records of 53 and heads of three sections of 8, which zstd may not make
+/// shorter, and its words for a second kind of data.
+const ERRORS_BYTES: u64 = 96;
 
 /// Options of writing a container.
 #[derive(Clone, Debug, Default)]
@@ -258,7 +259,7 @@ impl ContainerWriter {
         };
         let records: Vec<BlockRecord> =
             blocks.iter().map(|b| b.as_ref().map_or(BlockRecord::default(), |b| b.record)).collect();
-        let about = (&self.job, &self.options.report, &self.errors);
+        let about = About { job: &self.job, report: &self.options.report, errors: &self.errors };
         let summary = assemble(&self.path, self.options.overwrite, about, records, source)?;
         self.spill.remove()?;
         Ok(summary)
@@ -281,12 +282,20 @@ impl EncodedBlock {
     }
 }
 
+/// What a container says beside its blocks.
+#[derive(Clone, Copy)]
+pub(super) struct About<'a> {
+    pub(super) job: &'a Job,
+    pub(super) report: &'a ContainerReport,
+    pub(super) errors: &'a StatedErrors,
+}
+
 /// Writes a whole container under a temporary name and renames it: header, base layers of all blocks, their second
 /// layers, and so on, metadata, index, trailer. `chunk` gives the bytes of a layer.
 pub(super) fn assemble(
     path: &Path,
     overwrite: bool,
-    (job, report, errors): (&Job, &ContainerReport, &StatedErrors),
+    about: About<'_>,
     mut records: Vec<BlockRecord>,
     chunk: impl Fn(BlockId, usize) -> Result<Vec<u8>>,
 ) -> Result<ContainerSummary> {
@@ -300,7 +309,7 @@ pub(super) fn assemble(
     replace(path, overwrite, |file| {
         let failed = || Error::io(path, "write");
         let block_count = records.len() as u32;
-        let header = ContainerHeader { version: FORMAT_VERSION, block_count, job_hash: job.hash().0 }.encode();
+        let header = ContainerHeader { version: FORMAT_VERSION, block_count, job_hash: about.job.hash().0 }.encode();
         file.write_all(&header).map_err(failed())?;
         let mut offset = HEADER_BYTES as u64;
         for layer in 0..records.iter().map(|r| usize::from(r.layers)).max().unwrap_or(0) {
@@ -315,8 +324,9 @@ pub(super) fn assemble(
                 summary.base_bytes = offset;
             }
         }
-        let mut tail = metadata::encode(job, report, errors);
+        let mut tail = metadata::encode(about.job, about.report, about.errors);
         let mut trailer = Trailer {
+            version: FORMAT_VERSION,
             metadata_offset: offset,
             metadata_bytes: tail.len() as u32,
             block_count,

@@ -38,9 +38,11 @@ pub(super) fn of_samples(features: &ImageRows, channel: usize, y: usize) -> impl
 /// (both averaged around the pixel), and `L` is [`LEAST_MIRRORED_NOISE`]. With `L = 0` this is the weight of least risk
 /// (Stein 1981). All other pixels keep their albedo.
 pub(super) fn of_filtered(
-    (features, variance): (&ImageRows, &ImageRows),
+    features: &ImageRows,
+    variance: &ImageRows,
     region: &Region,
-    (surfaces, pool): (&Surfaces, &Pool),
+    surfaces: &Surfaces,
+    pool: &Pool,
 ) -> ImageRows {
     let compared = region.grown(MEAN_REACH, features);
     let read = compared.grown(MIRRORED, features);

@@ -49,7 +49,8 @@ pub(super) const DIRECT_RELATIVE: f32 = 0.05;
 /// over `SIDE_OF_STRIDE`. A narrow filter follows, whose radius must exceed the stride. Tuned: decision 16.
 pub(super) const INDIRECT_PILOT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_PILOT_RELATIVE: f32 = 0.05;
-pub(super) const INDIRECT_STRIDE: (usize, usize) = (3, 4);
+pub(super) const MIN_INDIRECT_STRIDE: usize = 3;
+pub(super) const MAX_INDIRECT_STRIDE: usize = 4;
 pub(super) const SIDE_OF_STRIDE: f64 = 110.0;
 /// Radius of the wide filter, in strides.
 pub(super) const INDIRECT_WIDE: usize = 6;
@@ -59,22 +60,25 @@ pub(super) const INDIRECT_RELATIVE: f32 = 0.03;
 
 /// Filter of each image of indirect light by itself: radius in steps, and step in pixels; then range width, slope and
 /// relative width. Tuned: decision 17.
-pub(super) const ALONE: (usize, usize) = (6, 4);
+pub(super) const ALONE_STEPS: usize = 6;
+pub(super) const ALONE_STEP_PIXELS: usize = 4;
 pub(super) const ALONE_NOISE: f32 = 1.4;
 pub(super) const ALONE_SLOPE: f32 = 0.03;
 pub(super) const ALONE_RELATIVE: f32 = 0.03;
 /// Near pass of that filter in large images, which have two passes: radius in steps, and step in pixels; then the range
 /// width. Tuned: decision 18.
-pub(super) const ALONE_NEAR: (usize, usize) = (4, 5);
+pub(super) const ALONE_NEAR_STEPS: usize = 4;
+pub(super) const ALONE_NEAR_STEP_PIXELS: usize = 5;
 pub(super) const ALONE_NEAR_NOISE: f32 = 2.0;
 /// Far pass: radius in steps; then the range width.
-pub(super) const ALONE_FAR: usize = 4;
+pub(super) const ALONE_FAR_STEPS: usize = 4;
 pub(super) const ALONE_FAR_NOISE: f32 = 4.0;
 /// The far pass has steps of the image's side, the square root of its number of pixels, over this.
 pub(super) const SIDE_OF_FAR_STEP: f64 = 59.0;
 /// Bounds of that step in pixels. An image whose step would be below the first has one pass only; no step exceeds the
 /// second. Tuned: decision 18.
-pub(super) const FAR_STEP: (usize, usize) = (12, 15);
+pub(super) const MIN_FAR_STEP: usize = 12;
+pub(super) const MAX_FAR_STEP: usize = 15;
 /// Largest factor, and inverse of the smallest, that an image is scaled by to keep the sum of all images.
 pub(super) const MAX_SCALE: f32 = 4.0;
 

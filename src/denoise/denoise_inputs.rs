@@ -11,14 +11,14 @@ use rayon::prelude::*;
 
 use super::{Denoiser, DenoiserRows, GuideStatistics, TILE, tile_means};
 use crate::block_records::{Records, stop_if_interrupted};
-use crate::compress::{ClusterResidual, CompressSettings, Compressor};
+use crate::compress::{ClusterMap, ClusterResidual, CompressSettings, Compressor, CompressorPlan};
 use crate::error::{Error, Hint, Result};
 use crate::light::{Clusters, Job};
 use crate::matrix::{
     Block, BlockId, BlockPlanes, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission, TracedBlock,
     decode_unsigned, encode_unsigned,
 };
-use crate::resources::{Progress, Threads};
+use crate::resources::{JobStage, Progress, Threads};
 
 /// The denoiser's inputs from one block.
 struct BlockInputs {
@@ -61,7 +61,7 @@ impl DenoiseInputs {
         // Planes, tiles and residual, as values and as bytes; before them the compressor that computes the residual.
         let looking = match Self::contrast_bytes(job) {
             0 => 0,
-            bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
+            bytes => CompressorPlan::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
         };
         2 * Self::record_bytes(job) + looking
     }
@@ -116,17 +116,17 @@ impl DenoiseInputs {
         &self,
         blocks: &[BlockId],
         threads: &Threads,
-        (stage, work_unit): (&str, &str),
+        stage: JobStage<'_>,
         watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<GuideStatistics> {
         let total = Mutex::new(GuideStatistics::new(self.clusters));
-        watch.begin(stage, blocks.len() as u64, "blocks");
+        watch.begin(stage.name, blocks.len() as u64, "blocks");
         let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
             let mut tally = GuideStatistics::new(self.clusters);
             let work = self.take(id, block, watch, &make, Some(&mut tally))?;
             total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
-            watch.advance(1, work, work_unit);
+            watch.advance(1, work, stage.work_unit);
             Ok(())
         };
         let done = threads.run(|| -> Result<()> { blocks.par_iter().map_init(TracedBlock::default, gather).collect() });
@@ -225,8 +225,9 @@ impl DenoiseInputs {
     pub(crate) fn spread(
         &self,
         id: BlockId,
-        (parts, images): (&EncodedInputs<'_>, Vec<f32>),
-        map: (&Clusters, &[f32]),
+        parts: &EncodedInputs<'_>,
+        images: Vec<f32>,
+        map: ClusterMap<'_>,
         block: &mut Block,
     ) -> Result<()> {
         let Some(compressor) = &self.compressor else {
@@ -337,10 +338,11 @@ impl<'a> EncodedInputs<'a> {
         let (direct, rest) = self.halves.split_at(light * plane);
         let (indirect, variance) = rest.split_at(light * plane);
         let of_half = |bytes: [u8; 2]| decode_unsigned(u16::from_ne_bytes(bytes));
-        place(direct, (rect, whole), (strip.direct, light), of_half);
-        place(indirect, (rect, whole), (strip.indirect, light), of_half);
-        place(variance, (rect, whole), (strip.feature_variance, FEATURE_PLANES), of_half);
-        place(self.features, (rect, whole), (strip.features, FEATURE_PLANES), f32::from_ne_bytes);
+        let placed = Placed { rect, whole };
+        place(direct, placed, strip.direct, light, of_half);
+        place(indirect, placed, strip.indirect, light, of_half);
+        place(variance, placed, strip.feature_variance, FEATURE_PLANES, of_half);
+        place(self.features, placed, strip.features, FEATURE_PLANES, f32::from_ne_bytes);
     }
 
     fn decode(&self, rect: PixelRect, clusters: usize) -> BlockInputs {
@@ -358,12 +360,21 @@ impl<'a> EncodedInputs<'a> {
     }
 }
 
-/// Copies the planes of a block, which come one after the other, into rows of a window, in which all planes are
-/// interleaved by row.
+/// A block in a window of the image.
+#[derive(Clone, Copy)]
+struct Placed {
+    /// The block.
+    rect: PixelRect,
+    /// The window.
+    whole: PixelRect,
+}
+
+/// Puts the planes of a block, one after the other, into the rows of a window that it stands in: those of all planes row by row.
 fn place<const BYTES: usize>(
     from: &[u8],
-    (rect, whole): (PixelRect, PixelRect),
-    (strip, planes): (&mut [f32], usize),
+    Placed { rect, whole }: Placed,
+    strip: &mut [f32],
+    planes: usize,
     value: impl Fn([u8; BYTES]) -> f32,
 ) {
     let (from, _) = from.as_chunks::<BYTES>();

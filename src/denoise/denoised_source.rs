@@ -23,15 +23,16 @@ use rayon::prelude::*;
 use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
 use super::external_images::ExternalImages;
 use super::{
-    ColumnUpsampler, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides, Pool, Region, tile_means,
+    CleanedRegion, ColumnUpsampler, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides, Pool,
+    Region, tile_means,
 };
 use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, stop_if_interrupted};
-use crate::compress::Compressor;
+use crate::compress::{ClusterMap, CompressorPlan};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::light::{Clusters, DenoiseErrors, Job, LightBasis};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
-use crate::resources::{Progress, ResourceEstimate, Threads};
+use crate::resources::{JobStage, Progress, ResourceEstimate, Threads};
 
 /// Memory limit for the rows of a window that are held at once. A window of one block is filtered in any case.
 const WINDOW_BYTES: u64 = 512 << 20;
@@ -39,7 +40,15 @@ const WINDOW_BYTES: u64 = 512 << 20;
 /// Number of blocks decoded in parallel.
 const BLOCKS_AT_HAND: u64 = 4;
 
-/// A matrix whose images are denoised, block by block.
+/// What is filtered one after the other.
+struct Windows {
+    /// The blocks of each.
+    blocks: Vec<Vec<BlockId>>,
+    /// Pixels around a window that its filter reads.
+    halo: u32,
+}
+
+/// A matrix whose images are cleaned, block by block.
 pub(crate) struct DenoisedSource {
     shape: MatrixShape,
     clusters: usize,
@@ -79,7 +88,7 @@ impl DenoisedSource {
         ResourceEstimate {
             // The map, and the compressor that computes residuals.
             fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
-                * (clusters as u64 + Compressor::COLUMN_VALUES),
+                * (clusters as u64 + CompressorPlan::COLUMN_VALUES),
             per_thread_bytes: gathering.max(DenoiseInputs::spreads_bytes(job)),
             alone_bytes: Self::windows_need_bytes(job, blocks),
             ..ResourceEstimate::default()
@@ -125,7 +134,13 @@ impl DenoisedSource {
         };
         let clusters = Clusters::of_basis(&job.basis);
         let windows = windows_of(shape, (window_blocks(shape, clusters.count()), shape.blocks_down()));
-        Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(DENOISED)?))
+        Self::over(
+            job,
+            path,
+            Windows { blocks: windows, halo: reach_in(shape).halo() as u32 },
+            records,
+            open(DENOISED)?,
+        )
     }
 
     /// For windows of the image, each filtered as if the image ended at its border. The files are unlinked, so they
@@ -138,17 +153,18 @@ impl DenoisedSource {
             tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?;
         let (path, shape) = (folder.path().join("pilot"), job.shape);
         let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
-        let files = (Records::File(open(GATHERED)?), open(DENOISED)?);
-        // Unlinked files live as long as they are open.
+        let (records, images) = (Records::File(open(GATHERED)?), open(DENOISED)?);
+        // Without their names the files live as long as they are open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
-        Self::over((windows, 0), job, &path, files)
+        Self::over(job, &path, Windows { blocks: windows, halo: 0 }, records, images)
     }
 
     fn over(
-        (windows, halo): (Vec<Vec<BlockId>>, u32),
         job: &Job,
         path: &Path,
-        (records, images): (Records, ContinuationFile),
+        Windows { blocks: windows, halo }: Windows,
+        records: Records,
+        images: ContinuationFile,
     ) -> Result<Self> {
         let (shape, partition) = (job.shape, Clusters::of_basis(&job.basis));
         let clusters = partition.count();
@@ -178,7 +194,7 @@ impl DenoisedSource {
     pub(crate) fn gather(
         &mut self,
         threads: &Threads,
-        stage: (&str, &str),
+        stage: JobStage<'_>,
         watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
@@ -241,9 +257,13 @@ impl DenoisedSource {
         let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
-        let (size, block) =
-            ((whole.width as usize, whole.height as usize), self.shape.block_side().min(whole.height) as usize);
-        let mut cleaning = Denoiser::new((size, block), region, FEATURE_PLANES, guides, (reach_in(self.shape), pool));
+        let part = CleanedRegion {
+            size: (whole.width as usize, whole.height as usize),
+            block: self.shape.block_side().min(whole.height) as usize,
+            region,
+            features: FEATURE_PLANES,
+        };
+        let mut cleaning = Denoiser::new(part, reach_in(self.shape), guides, pool);
         while let Some(wanted) = cleaning.wants() {
             stop_if_interrupted(&self.gathering.path, watch)?;
             self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut cleaning)?;
@@ -252,7 +272,7 @@ impl DenoisedSource {
             let is_done = |id: &&BlockId| rows.contains(&((self.shape.rect(**id).y - top) as usize));
             let done: Vec<&BlockId> = blocks.iter().filter(is_done).collect();
             for few in done.chunks(BLOCKS_AT_HAND as usize) {
-                few.par_iter().try_for_each(|id| self.keep(**id, (left, top), &cleaned))?;
+                few.par_iter().try_for_each(|id| self.keep(**id, whole, &cleaned))?;
             }
             watch.advance(done.len() as u64, 0, "px");
             cleaned.keep_in(pool);
@@ -260,13 +280,13 @@ impl DenoisedSource {
         Ok(())
     }
 
-    /// Stores the denoised images of a block, whose origin in the image is (left, top), unless they are stored already.
-    fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &DenoisedRows) -> Result<()> {
+    /// Stores the denoised images of a block, unless they are stored already. `whole` is the denoised part of the image.
+    fn keep(&self, id: BlockId, whole: PixelRect, cleaned: &DenoisedRows) -> Result<()> {
         if self.images.has(id.0) {
             return Ok(());
         }
         let (rect, images) = (self.shape.rect(id), &cleaned.images);
-        let (left, top) = ((rect.x - left) as usize, (rect.y - top) as usize);
+        let (left, top) = ((rect.x - whole.x) as usize, (rect.y - whole.y) as usize);
         let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
         let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
         for plane in 0..images.planes() {
@@ -410,7 +430,8 @@ impl BlockSource for DenoisedSource {
         let gathered = self.gathering.records.read(id.0)?;
         let parts = self.gathering.parts(id, &gathered)?;
         let images = self.images_of(id)?;
-        self.gathering.spread(id, (&parts, images), (&self.partition, &self.map), &mut target.block)?;
+        let map = ClusterMap { clusters: &self.partition, shares: &self.map };
+        self.gathering.spread(id, &parts, images, map, &mut target.block)?;
         let emission = parts.emission();
         let pixels = rows / CHANNELS;
         for seen in &emission {

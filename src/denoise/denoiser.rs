@@ -57,8 +57,21 @@ impl DenoisedRows {
     }
 }
 
-/// A denoiser that works down an image: [`wants`](Self::wants) says which rows it needs next, [`strips`](Self::strips)
-/// lends them for filling, [`clean`](Self::clean) returns the denoised rows.
+/// What of an image is cleaned.
+#[derive(Clone, Debug)]
+pub struct CleanedRegion {
+    /// Pixels of the image across and down.
+    pub size: (usize, usize),
+    /// Height of its blocks in pixels.
+    pub block: usize,
+    /// The pixels that are cleaned.
+    pub region: Region,
+    /// Planes of features.
+    pub features: usize,
+}
+
+/// Images of clusters that are being cleaned, from the top of the image down: [`wants`](Self::wants) says which rows come next,
+/// [`strips`](Self::strips) takes them, [`clean`](Self::clean) gives what has been cleaned.
 ///
 /// The result is valid in a region that is at least [`Reach::halo`] pixels away from the window's border, or ends where
 /// the image ends. Elsewhere it is unspecified.
@@ -89,15 +102,9 @@ struct Input {
 }
 
 impl<'a> Denoiser<'a> {
-    /// A denoiser of a region of an image. `block` is the height of its blocks in pixels; `clusters` and `features` are
-    /// counts.
-    pub fn new(
-        (size, block): ((usize, usize), usize),
-        region: Region,
-        features: usize,
-        guides: &'a Guides,
-        (reach, pool): (FilterRadii, &'a Pool),
-    ) -> Self {
+    /// Begins at the top of what is to be cleaned.
+    pub fn new(of: CleanedRegion, reach: FilterRadii, guides: &'a Guides, pool: &'a Pool) -> Self {
+        let CleanedRegion { size, block, region, features } = of;
         let light = reach.light(2 * 3 * guides.clusters());
         let step = step_of(block);
         let rows = |stage: Stage| ImageRows::none_yet(size, stage.planes, stage.rows(step) + block);
@@ -206,10 +213,9 @@ impl<'a> Denoiser<'a> {
         let mut squares = self.pool.rows_like(features, errors::PLANES, part.y.clone());
         images.clear(&part);
         squares.clear(&part);
-        let seen = (&self.surfaces, self.pool);
-        self.direct.advance(direct, &step, seen);
-        self.indirect.advance(indirect, &step, seen);
-        let albedo = albedo::of_filtered((features, feature_variance), &part, seen);
+        self.direct.advance(direct, &step, &self.surfaces, self.pool);
+        self.indirect.advance(indirect, &step, &self.surfaces, self.pool);
+        let albedo = albedo::of_filtered(features, feature_variance, &part, &self.surfaces, self.pool);
         for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
             let cleaned = mixed(light, means, &part, self.pool);
             add_squares(light, &cleaned, |plane, y| of_samples(plane, y).collect(), &part, &mut squares);
@@ -319,7 +325,8 @@ mod tests {
         window: &Window,
         region: &Region,
         guides: &Guides,
-        (block, reach): (usize, FilterRadii),
+        block: usize,
+        reach: FilterRadii,
     ) -> DenoisedRows {
         let size = (window.features.width(), window.features.height());
         let pool = Pool::default();
@@ -328,7 +335,8 @@ mod tests {
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
-        let mut cleaning = Denoiser::new((size, block), region.clone(), 10, guides, (reach, &pool));
+        let mut cleaning =
+            Denoiser::new(CleanedRegion { size, block, region: region.clone(), features: 10 }, reach, guides, &pool);
         let zeros = |planes| ImageRows::zeros(size.0, size.1, planes);
         let mut all = DenoisedRows { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
         while let Some(wanted) = cleaning.wants() {
@@ -356,7 +364,7 @@ mod tests {
     }
 
     fn clean(window: Window, region: &Region, guides: &Guides) -> DenoisedRows {
-        clean_in_steps(&window, region, guides, (32, REACH))
+        clean_in_steps(&window, region, guides, 32, REACH)
     }
 
     fn clean_all(window: &Window) -> ImageRows {
@@ -409,7 +417,7 @@ mod tests {
         window.direct = exact.direct;
         let guides = guides(&window);
         let [_, near, far] = REACHES.map(|reach| {
-            let cleaned = clean_in_steps(&window, &truth.whole(), &guides, (32, reach));
+            let cleaned = clean_in_steps(&window, &truth.whole(), &guides, 32, reach);
             squared_error(&cleaned.images, &truth)
         });
         assert!(far < 0.9 * near, "{far}, not less than {near}");
@@ -608,14 +616,14 @@ mod tests {
         let window = mirrored((40, 330));
         let guides = guides(&window);
         for reach in REACHES {
-            let whole = clean_in_steps(&window, &window.features.whole(), &guides, (330, reach));
+            let whole = clean_in_steps(&window, &window.features.whole(), &guides, 330, reach);
             for block in [32, 50, 128] {
-                let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, (block, reach));
+                let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, block, reach);
                 assert_eq!(cleaned, whole, "blocks of {block}, {reach:?}");
             }
             // A part of it whose surroundings lie within the image.
             let part = Region { x: 0..40, y: 150..200 };
-            let cleaned = clean_in_steps(&window, &part, &guides, (32, reach));
+            let cleaned = clean_in_steps(&window, &part, &guides, 32, reach);
             for y in part.y {
                 (0..3 * CLUSTERS)
                     .for_each(|plane| assert_eq!(cleaned.images.row(plane, y), whole.images.row(plane, y)));
@@ -630,8 +638,8 @@ mod tests {
         let guides = guides(&window);
         for reach in REACHES {
             let pool = Pool::default();
-            let settings = (reach, &pool);
-            let mut cleaning = Denoiser::new(((width, 500), block), window.features.whole(), 10, &guides, settings);
+            let whole = CleanedRegion { size: (width, 500), block, region: window.features.whole(), features: 10 };
+            let mut cleaning = Denoiser::new(whole, reach, &guides, &pool);
             let said = Denoiser::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
             while let Some(wanted) = cleaning.wants() {
                 // Mirrors everywhere, so that the filtered albedo is held as well.

@@ -5,7 +5,7 @@ use super::image_rows::{ImageRows, Region};
 /// Number of planes that [`add_squares`] fills.
 pub(super) const PLANES: usize = 4;
 
-/// Sums over pixels, channels and clusters of squares, from which [`CleaningErrors`](crate::light::CleaningErrors) follow.
+/// Sums over pixels, channels and clusters of squares, from which [`DenoiseErrors`](crate::light::DenoiseErrors) follow.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct ErrorSums {

@@ -39,13 +39,7 @@ struct HeldGuide {
 }
 
 impl HeldGuide {
-    fn new(
-        stage: Stage,
-        (reach, of): (GuideReach, GuideOf),
-        region: &Region,
-        size: (usize, usize),
-        step: usize,
-    ) -> Self {
+    fn new(stage: Stage, reach: GuideReach, of: GuideOf, region: &Region, size: (usize, usize), step: usize) -> Self {
         let (track, rows) = Track::begin(stage, region, size, step);
         Self { guide: Guide::over(rows, reach.patch, of), reach, track }
     }
@@ -90,9 +84,9 @@ impl<'a> Direct<'a> {
             reach,
             mix,
             mixtures: held(stages.mixtures),
-            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, GuideOf::EachHalf), region, size, step),
+            raw_guide: HeldGuide::new(stages.raw_guide, RAW, GuideOf::EachHalf, region, size, step),
             pilot: held(stages.pilot),
-            guide: HeldGuide::new(stages.guide, (FILTERED, GuideOf::EachHalf), region, size, step),
+            guide: HeldGuide::new(stages.guide, FILTERED, GuideOf::EachHalf, region, size, step),
             wide: held(stages.wide),
             narrow: held(stages.narrow),
         }
@@ -110,8 +104,8 @@ impl<'a> Direct<'a> {
         means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
-    /// Computes all stages as far as a step needs them.
-    pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
+    /// Takes all stages as far as a step needs them.
+    pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, surfaces: &Surfaces, pool: &Pool) {
         let region = self.mixtures.advance(step);
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
         self.raw_guide.advance(&self.mixtures.rows, step, pool);
@@ -122,9 +116,9 @@ impl<'a> Direct<'a> {
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
         let alike = CommonWeights { surfaces, guide: &self.guide.guide, crossed: true, widths, radius: None };
-        let both = (&mut self.wide, &mut self.narrow);
-        let offsets = [self.reach.direct(), self.reach.direct_narrow()];
-        wide_then_narrow((light, both), step, (alike, SLOPE), &offsets);
+        let filters =
+            WideThenNarrow { alike, slope: SLOPE, wide: self.reach.direct(), narrow: self.reach.direct_narrow() };
+        filters.advance(light, &mut self.wide, &mut self.narrow, step);
     }
 }
 
@@ -158,10 +152,10 @@ impl<'a> Indirect<'a> {
             reach,
             mix,
             mixtures: held(stages.mixtures),
-            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, GuideOf::All), region, size, step),
+            raw_guide: HeldGuide::new(stages.raw_guide, RAW, GuideOf::All, region, size, step),
             pilot_wide: held(stages.pilot_wide),
             pilot: held(stages.pilot),
-            guide: HeldGuide::new(stages.guide, (FILTERED_PIXELS, GuideOf::All), region, size, step),
+            guide: HeldGuide::new(stages.guide, FILTERED_PIXELS, GuideOf::All, region, size, step),
             wide: held(stages.wide),
             narrow: held(stages.narrow),
             alone: stages.alone.into_iter().map(held).collect(),
@@ -181,21 +175,22 @@ impl<'a> Indirect<'a> {
         means.chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
-    /// Computes all stages as far as a step needs them.
-    pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, seen: (&Surfaces, &Pool)) {
-        let (surfaces, pool) = seen;
+    /// Takes all stages as far as a step needs them.
+    pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, surfaces: &Surfaces, pool: &Pool) {
         let region = self.mixtures.advance(step);
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
         self.raw_guide.advance(&self.mixtures.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
         let alike = CommonWeights { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
-        let both = (&mut self.pilot_wide, &mut self.pilot);
-        let offsets = [self.reach.wide(), self.reach.narrow()];
-        wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), &offsets);
+        let [wide, narrow] = [self.reach.wide(), self.reach.narrow()];
+        let filters = WideThenNarrow { alike, slope: PILOT_SLOPE, wide, narrow };
+        filters.advance(&self.mixtures.rows, &mut self.pilot_wide, &mut self.pilot, step);
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
         let alike = CommonWeights { surfaces, guide: &self.guide.guide, crossed: false, widths, radius: None };
-        wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), &offsets);
+        let [wide, narrow] = [self.reach.wide(), self.reach.narrow()];
+        let filters = WideThenNarrow { alike, slope: SLOPE, wide, narrow };
+        filters.advance(light, &mut self.wide, &mut self.narrow, step);
         let mut before = &self.narrow.rows;
         for (held, pass) in self.alone.iter_mut().zip(self.reach.alone()) {
             let region = held.advance(step);
@@ -207,19 +202,24 @@ impl<'a> Indirect<'a> {
     }
 }
 
-/// A wide filter, which may read a subset of the pixels, then a narrow one that reads all.
-fn wide_then_narrow(
-    (light, (wide, narrow)): (&ImageRows, (&mut StageMeans, &mut StageMeans)),
-    step: &Step<'_>,
-    (mut alike, slope): (CommonWeights<'_>, f32),
-    [of_wide, of_narrow]: &[Offsets; 2],
-) {
-    alike.radius = Some(of_wide.radius());
-    let region = wide.advance(step);
-    alike.means(light, of_wide, slope).fill(&region, &mut wide.rows);
-    alike.radius = Some(of_narrow.radius());
-    let region = narrow.advance(step);
-    alike.means(&wide.rows, of_narrow, slope).fill(&region, &mut narrow.rows);
+/// A wide filter, which may pass pixels over, then a narrow one that reads all.
+struct WideThenNarrow<'a> {
+    alike: CommonWeights<'a>,
+    slope: f32,
+    wide: Offsets,
+    narrow: Offsets,
+}
+
+impl WideThenNarrow<'_> {
+    /// Takes both stages as far as a step needs them: `wide` filters light, `narrow` what comes out of that.
+    fn advance(mut self, light: &ImageRows, wide: &mut StageMeans, narrow: &mut StageMeans, step: &Step<'_>) {
+        self.alike.radius = Some(self.wide.radius());
+        let region = wide.advance(step);
+        self.alike.means(light, &self.wide, self.slope).fill(&region, &mut wide.rows);
+        self.alike.radius = Some(self.narrow.radius());
+        let region = narrow.advance(step);
+        self.alike.means(&wide.rows, &self.narrow, self.slope).fill(&region, &mut narrow.rows);
+    }
 }
 
 /// Neighbour weights from the guide, the features and the spatial distance within a radius.
@@ -238,8 +238,15 @@ impl CommonWeights<'_> {
     }
 }
 
+/// What is known around a tile: by the guide of each part, and of surfaces.
+#[derive(Default)]
+struct Around {
+    guides: [GuideCut; 2],
+    surfaces: SurfacesCut,
+}
+
 impl Weigh for CommonWeights<'_> {
-    type Ready = ([GuideCut; 2], SurfacesCut);
+    type Ready = Around;
 
     fn weighed(&self) -> Weighed {
         match self.guide.of() {
@@ -248,23 +255,23 @@ impl Weigh for CommonWeights<'_> {
         }
     }
 
-    fn make_ready(&self, tile: PixelTile, reach: usize, (cuts, surfaces): &mut Self::Ready) {
-        for (part, cut) in cuts.iter_mut().enumerate().take(self.guide.of().parts()) {
+    fn make_ready(&self, tile: PixelTile, reach: usize, around: &mut Around) {
+        for (part, cut) in around.guides.iter_mut().enumerate().take(self.guide.of().parts()) {
             let by = if self.crossed { 1 - part } else { part };
             self.guide.cut(by, tile, reach, cut);
         }
-        self.surfaces.cut(tile, reach, surfaces);
+        self.surfaces.cut(tile, reach, &mut around.surfaces);
     }
 
     #[inline(always)]
     fn weigh<S: Simd>(
         &self,
         simd: S,
-        (cuts, surfaces): &mut Self::Ready,
+        Around { guides, surfaces }: &mut Around,
         Neighbours { part, offset, .. }: Neighbours,
         out: &mut [f32; TILE_PIXELS],
     ) {
-        let Some(cut) = cuts.get_mut(part) else { return };
+        let Some(cut) = guides.get_mut(part) else { return };
         cut.distances(simd, offset, &self.widths, out);
         let near = self.radius.map_or(0.0, |radius| nearness(offset, radius));
         for distance in out.iter_mut() {

@@ -22,15 +22,15 @@ impl FilterRadii {
     /// The radii for an image of this size in pixels.
     pub fn of_image(width: u32, height: u32) -> Self {
         let side = (f64::from(width) * f64::from(height)).sqrt();
-        let far_step = ((side / SIDE_OF_FAR_STEP).round() as usize).min(FAR_STEP.1);
+        let far_step = ((side / SIDE_OF_FAR_STEP).round() as usize).min(MAX_FAR_STEP);
         Self {
-            stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1),
-            far_step: Some(far_step).filter(|&step| step >= FAR_STEP.0),
+            stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(MIN_INDIRECT_STRIDE, MAX_INDIRECT_STRIDE),
+            far_step: Some(far_step).filter(|&step| step >= MIN_FAR_STEP),
         }
     }
 
     fn is_far(self) -> bool {
-        self.stride > INDIRECT_STRIDE.0
+        self.stride > MIN_INDIRECT_STRIDE
     }
 
     /// Offsets of the filter of direct light.
@@ -49,7 +49,7 @@ impl FilterRadii {
 
     /// Offsets of the filter of the guides of direct light.
     pub(super) fn direct_pilot(self) -> Offsets {
-        let radius = DIRECT_PILOT * self.stride / INDIRECT_STRIDE.0;
+        let radius = DIRECT_PILOT * self.stride / MIN_INDIRECT_STRIDE;
         Offsets::thinned(radius, DIRECT_DENSE, if self.is_far() { 5 } else { 2 })
     }
 
@@ -67,9 +67,10 @@ impl FilterRadii {
     pub(super) fn alone(self) -> Vec<Pass> {
         let pass = |steps, step, noise| Pass { offsets: Offsets::disc(steps * step, step), noise };
         match self.far_step {
-            None => vec![pass(ALONE.0, ALONE.1, ALONE_NOISE)],
+            None => vec![pass(ALONE_STEPS, ALONE_STEP_PIXELS, ALONE_NOISE)],
             Some(step) => {
-                vec![pass(ALONE_NEAR.0, ALONE_NEAR.1, ALONE_NEAR_NOISE), pass(ALONE_FAR, step, ALONE_FAR_NOISE)]
+                let near = pass(ALONE_NEAR_STEPS, ALONE_NEAR_STEP_PIXELS, ALONE_NEAR_NOISE);
+                vec![near, pass(ALONE_FAR_STEPS, step, ALONE_FAR_NOISE)]
             }
         }
     }

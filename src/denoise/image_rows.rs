@@ -223,8 +223,8 @@ impl ImageRows {
         across.fill_rows(&around, |y, plane, out| {
             let row = self.row(plane, y);
             let near = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(self.width);
-            // Adds shifted rows, since sums along a row would wait for one another.
-            for (from, to) in shifts(&region.x, (reach, 1), self.width) {
+            // Shifted rows are added, for sums along a row would wait for one another.
+            for (from, to) in shifts(&region.x, reach, 1, self.width) {
                 out[to].iter_mut().zip(&row[from]).for_each(|(o, v)| *o += v);
             }
             out.iter_mut().zip(region.x.clone()).for_each(|(o, x)| *o /= near(x).len() as f32);
@@ -261,7 +261,8 @@ impl ImageRows {
 /// `columns`.
 pub(super) fn shifts(
     columns: &Range<usize>,
-    (reach, step): (usize, usize),
+    reach: usize,
+    step: usize,
     width: usize,
 ) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
     let (begin, end) = (columns.start, columns.end);

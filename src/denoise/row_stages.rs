@@ -37,7 +37,7 @@ impl Stage {
     /// that stage's reach and the radius that it reads around its own pixels.
     pub(super) fn new(planes: usize, reach: usize, readers: &[(usize, usize)]) -> Self {
         let first = |&(reach, reads): &(usize, usize)| reach as isize - reads as isize;
-        debug_assert!(readers.iter().all(|(of_reader, reads)| of_reader + reads <= reach), "{reach}, {readers:?}");
+        debug_assert!(readers.iter().all(|(of_reader, reads)| of_reader + reads <= reach), "{reach}");
         Self { planes, reach, beyond: 0, kept: readers.iter().map(first).min().unwrap_or(0) }
     }
 

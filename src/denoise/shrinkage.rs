@@ -62,7 +62,7 @@ impl Cells {
             let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[around.x.clone()]);
             for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
-                    (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
+                    (halves(raw, channel, &around.x, y), halves(smooth, channel, &around.x, y));
                 dispatch(
                     #[inline(always)]
                     || {
@@ -106,7 +106,7 @@ impl Cells {
         let rows = (0..=2 * RISK_CELLS).filter_map(|cell| (y + CELL * cell).checked_sub(CELL * RISK_CELLS));
         for y in rows.filter(|&y| y < terms.height()) {
             let [gained, changed, light] = [0, 1, 2].map(|term| terms.row(term, y));
-            for (from, to) in shifts(&region.x, (CELL * RISK_CELLS, CELL), terms.width()) {
+            for (from, to) in shifts(&region.x, CELL * RISK_CELLS, CELL, terms.width()) {
                 dispatch(
                     #[inline(always)]
                     || {
@@ -138,7 +138,7 @@ fn of_cells(terms: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
         let [mut most_gain, mut most_change, mut count] = [0, 1, 2].map(|_| vec![0.0f32; region.x.len()]);
         for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
             let from = [0, 1, 2].map(|term| terms.row(term, y));
-            for (there, here) in shifts(&region.x, (CELL_REACH, 1), width) {
+            for (there, here) in shifts(&region.x, CELL_REACH, 1, width) {
                 let [gain, change, light] = from.map(|row| &row[there.clone()]);
                 dispatch(
                     #[inline(always)]
@@ -177,8 +177,8 @@ fn of_cells(terms: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     cells
 }
 
-/// The two halves of a channel, for some pixels of a row.
-fn halves<'a>(rows: &'a ImageRows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
+/// The halves of a channel: some pixels of a row.
+fn halves<'a>(rows: &'a ImageRows, channel: usize, x: &Range<usize>, y: usize) -> [&'a [f32]; 2] {
     [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
 }
 

@@ -95,8 +95,7 @@ impl ColumnUpsampler {
             let mut moved = map.clone();
             for direction in (0..k).filter(|&d| values[d] > least) {
                 let vector: Vec<f64> = (0..k).map(|i| vectors[(i, direction)]).collect();
-                let [from_a, from_b] =
-                    [a, b].map(|half| self.steps(half, &vector, values[direction], (clusters, &map)));
+                let [from_a, from_b] = [a, b].map(|half| self.steps(half, &vector, values[direction], clusters, &map));
                 let pairs = || from_a.iter().zip(&from_b);
                 let agreed: f64 = pairs().map(|(x, y)| x * y).sum();
                 let said: f64 = pairs().map(|(x, y)| 0.25 * (x + y) * (x + y)).sum();
@@ -113,9 +112,8 @@ impl ColumnUpsampler {
         map.into_iter().map(|v| v as f32).collect()
     }
 
-    /// The step of each column along an eigenvector of `Dᵀ W D` that one half of the tiles asks for. It has half of
-    /// `value`.
-    fn steps(&self, half: &ClusterSums, vector: &[f64], value: f64, (clusters, map): (&Clusters, &[f64])) -> Vec<f64> {
+    /// How far one half of the tiles wants each column moved along an eigenvector of `Dᵀ W D`, of which it has half.
+    fn steps(&self, half: &ClusterSums, vector: &[f64], value: f64, clusters: &Clusters, map: &[f64]) -> Vec<f64> {
         let (k, n) = (self.clusters, self.columns);
         let step = |(column, &own): (usize, &u16)| {
             let own = usize::from(own);

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::light::{ExposedError, Job, LightBasis, PROBES, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
-use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
+use crate::resources::{JobStage, PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
 use crate::store::{self, StoreReader};
 
 /// Name of the stage that measures the noise of a stored matrix.
@@ -228,7 +228,7 @@ impl ErrorMonitor {
         let need = ResourceEstimate { fixed_bytes, ..cleaning };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
-        Ok(self.reached(&source.images(self.cleans, &threads, ("measuring the error", watch))?.shown))
+        Ok(self.reached(&source.images(self.cleans, &threads, "measuring the error", watch)?.shown))
     }
 }
 
@@ -270,7 +270,8 @@ impl Blocks<'_> {
         &self,
         cleans: bool,
         threads: &Threads,
-        (stage, watch): (&str, &dyn Progress),
+        stage: &str,
+        watch: &dyn Progress,
     ) -> Result<WindowImages> {
         let (probes, scales) = (probe_lightings(&self.job.basis), self.job.basis.column_scales());
         let sampled = Mutex::new(ProbedImages::new());
@@ -299,7 +300,7 @@ impl Blocks<'_> {
             return Ok(WindowImages { shown: sampled.clone(), sampled, cleaning_seconds: 0.0 });
         }
         let mut cleaned = DenoisedSource::of_windows(self.job, self.windows.to_vec())?;
-        cleaned.gather(threads, (stage, "blocks"), watch, make)?;
+        cleaned.gather(threads, JobStage { name: stage, work_unit: "blocks" }, watch, make)?;
         let begun = Instant::now();
         cleaned.filter(threads, watch)?;
         cleaned.fit(watch)?;
@@ -331,7 +332,7 @@ pub fn expected_error(matrix: &StoreReader, memory_bytes: Option<u64>, watch: &d
     };
     let threads = Threads::new(need.threads_within(MEASURING, memory_bytes)?)?;
     let blocks = Blocks { source: matrix, job: matrix.job(), windows: &blocks };
-    let images = blocks.images(false, &threads, (MEASURING, watch))?;
+    let images = blocks.images(false, &threads, MEASURING, watch)?;
     Ok(Some(worst(&noise_squares(&images.sampled)).sqrt()).filter(|error| error.is_finite()))
 }
 

@@ -17,14 +17,14 @@ use super::terms::Terms;
 use super::worker::Worker;
 use crate::blob_store::BlobStore;
 use crate::block_records::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
-use crate::compress::{Compressor, Scope};
+use crate::compress::{CompressorPlan, Scope};
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
 use crate::light::Job;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::pipeline::{
-    PackOptions, PackReport, Packing, check_container_output, compressor_of, job_of, need_of, settings_of, tracer_of,
-    tracing_need,
+    PackOptions, PackReport, PackSource, Packing, check_container_output, job_of, need_of, plan_of, settings_of,
+    tracer_of, tracing_need,
 };
 use crate::resources::{Progress, ResourceEstimate, Threads, hold_to_memory};
 use crate::scene::LoadedScene;
@@ -146,10 +146,10 @@ impl FarmJob {
     pub fn probe(self, watch: &dyn Progress) -> Result<Probe> {
         let begun = Instant::now();
         let job = &self.terms.job;
-        let compressor = self.compressor()?;
-        let merging = need_of(&compressor, job.shape, ResourceEstimate::default(), self.cleans().then_some(job));
+        let plan = self.plan()?;
+        let merging = need_of(&plan, job.shape, ResourceEstimate::default(), self.cleans().then_some(job));
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
-        let (worker, need) = self.worker(compressor, None)?;
+        let (worker, need) = self.worker(plan, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
         let tracer = tracer_of(self.loaded, &mut self.terms.job.clone(), None, watch)?;
         let setup_seconds = begun.elapsed().as_secs_f64();
@@ -225,7 +225,7 @@ impl FarmJob {
             let problem = format!("{}..{} is not a range of its blocks, 0..{count}", blocks.start, blocks.end);
             return Err(Error::input("the matrix", problem, "take the ranges of the plan"));
         }
-        let (worker, mut need) = self.worker(self.compressor()?, scratch)?;
+        let (worker, mut need) = self.worker(self.plan()?, scratch)?;
         need.fixed_bytes += depot.held_bytes();
         let output = Path::new(depot.address()).join(format!("{}..{}", blocks.start, blocks.end));
         let threads =
@@ -333,9 +333,9 @@ impl FarmJob {
         measuring.threads_within("merging", options.memory_bytes)?;
         let max_depth = self.loaded.settings.max_depth;
         job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
-        let packing =
-            Packing::begin(&job, b"f32", path, &options, (ResourceEstimate::default(), options.denoise), watch)?;
-        packing.run_shards(shards.set, watch)
+        let source = PackSource { variant: b"f32", need: ResourceEstimate::default(), has_planes: options.denoise };
+        let (packing, plan) = Packing::begin(&job, source, path, &options, watch)?;
+        packing.run_shards(plan.for_blocks()?, shards.set, watch)
     }
 
     /// What the merge takes while it measures the scales of columns, before it packs.
@@ -349,13 +349,13 @@ impl FarmJob {
         with_suffix(container, ".shards")
     }
 
-    fn compressor(&self) -> Result<Compressor> {
-        compressor_of(&self.terms.job, &self.terms.options)
+    fn plan(&self) -> Result<CompressorPlan> {
+        plan_of(&self.terms.job, &self.terms.options)
     }
 
-    /// The builder of shards, and its memory.
-    fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, ResourceEstimate)> {
-        let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
-        Ok((Worker::new(&self.terms, compressor, scratch)?, need))
+    /// What builds, and what that takes.
+    fn worker(&self, plan: CompressorPlan, scratch: Option<&Path>) -> Result<(Worker, ResourceEstimate)> {
+        let need = Worker::need(&self.terms, &plan, tracing_need(&self.loaded, &self.terms.job));
+        Ok((Worker::new(&self.terms, plan, scratch)?, need))
     }
 }

@@ -5,20 +5,25 @@ use std::path::Path;
 use super::terms::Terms;
 use crate::blob_store::BlobStore;
 use crate::block_records::{Records, ShardHead, open_spill};
-use crate::compress::Compressor;
+use crate::compress::{Compressor, CompressorPlan};
 use crate::denoise::DenoiseInputs;
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 use crate::matrix::{BlockId, TracedBlock};
-use crate::pipeline::{Analysis, need_of};
+use crate::pipeline::{Analysed, need_of};
 use crate::resources::{Progress, ResourceEstimate};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
     /// For a matrix that is denoised, which the merge then analyses.
     Gathers(Box<DenoiseInputs>),
-    /// For a matrix that is packed without denoising.
-    Analyses(Box<Analysis>),
+    /// Of one that is packed as it is.
+    Analyses {
+        /// What analyses.
+        compressor: Box<Compressor>,
+        /// What it has analysed.
+        analysed: Analysed,
+    },
 }
 
 impl Worker {
@@ -27,7 +32,7 @@ impl Worker {
     ///
     /// # Errors
     /// The folder cannot be written.
-    pub(super) fn new(terms: &Terms, compressor: Compressor, scratch: Option<&Path>) -> Result<Self> {
+    pub(super) fn new(terms: &Terms, plan: CompressorPlan, scratch: Option<&Path>) -> Result<Self> {
         let folder = match scratch {
             Some(scratch) => tempfile::tempdir_in(scratch).map_err(Error::io(scratch, "create a folder in"))?,
             None => {
@@ -41,17 +46,17 @@ impl Worker {
         Ok(if terms.options.denoise {
             Self::Gathers(Box::new(DenoiseInputs::new(&terms.job, path, records)?))
         } else {
-            Self::Analyses(Box::new(Analysis { compressor, records, path }))
+            Self::Analyses { compressor: Box::new(plan.for_blocks()?), analysed: Analysed { records } }
         })
     }
 
-    /// Memory of a worker, where making a block takes `source`.
-    pub(super) fn need(terms: &Terms, compressor: &Compressor, source: ResourceEstimate) -> ResourceEstimate {
+    /// What working takes, where making a block takes `source`.
+    pub(super) fn need(terms: &Terms, plan: &CompressorPlan, source: ResourceEstimate) -> ResourceEstimate {
         let shape = terms.job.shape;
         // The positions of all records.
         let places = 64 * u64::from(shape.block_count());
         if !terms.options.denoise {
-            let need = need_of(compressor, shape, source, None);
+            let need = need_of(plan, shape, source, None);
             return ResourceEstimate { fixed_bytes: need.fixed_bytes + places, ..need };
         }
         let per_thread_bytes = source.per_thread_bytes + DenoiseInputs::takes_bytes(&terms.job);
@@ -74,7 +79,7 @@ impl Worker {
         }
         match self {
             Self::Gathers(gathering) => gathering.take(id, block, watch, make, None),
-            Self::Analyses(analysis) => analysis.take(id, block, make).map(|(_, work)| work),
+            Self::Analyses { compressor, analysed } => analysed.take(compressor, id, block, make).map(|(_, work)| work),
         }
     }
 
@@ -100,7 +105,7 @@ impl Worker {
     fn file(&self) -> Result<&ContinuationFile> {
         let records = match self {
             Self::Gathers(gathering) => &gathering.records,
-            Self::Analyses(analysis) => &analysis.records,
+            Self::Analyses { analysed, .. } => &analysed.records,
         };
         match records {
             Records::File(file) => Ok(file),

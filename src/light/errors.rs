@@ -38,9 +38,7 @@ pub struct DenoiseErrors {
 }
 
 impl DenoiseErrors {
-    /// Stands where nothing was denoised.
-    pub(crate) const NONE: Self = Self { noise_before: f32::NAN, noise_after: f32::NAN, bias: f32::NAN };
-
+    /// Whether these are the numbers of version 1 of containers for images that were not cleaned.
     pub(crate) fn is_none(&self) -> bool {
         self.noise_before.is_nan() && self.noise_after.is_nan() && self.bias.is_nan()
     }

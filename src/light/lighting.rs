@@ -57,11 +57,11 @@ impl Lighting {
     /// A weight that is not finite, naming the column.
     pub fn new(weights: Vec<[f32; 3]>) -> Result<Self> {
         match weights.iter().position(|w| !w.iter().all(|v| v.is_finite())) {
-            Some(column) => Err(Error::input(
-                format!("lighting, column {column}"),
-                format!("weight {:?} is not finite", weights[column]),
-                "give every light a finite weight",
-            )),
+            Some(column) => {
+                let [r, g, b] = weights[column];
+                let problem = format!("weight ({r}, {g}, {b}) is not finite");
+                Err(Error::input(format!("lighting, column {column}"), problem, "give every light a finite weight"))
+            }
             None => Ok(Self { weights, lights: None }),
         }
     }

@@ -1,10 +1,21 @@
-//! The bytes of a [`Job`]: a `JobRecord`, and after it the weights of the scene's lighting that are not their lights'
-//! emission, if there are any, then the scales of columns, if they are known.
+//! The bytes of a [`Job`], as tagged sections and in the form of earlier versions of the files: a `JobRecord`, after it the
+//! weights of the scene's lighting that are not their lights' emission, if there are any, then the scales of columns, if they
+//! are known.
 
 use super::{Job, Light, LightBasis, Provenance};
 use crate::encoding::{Decode, Encode, MAX_BYTES, decode, encode};
 use crate::error::Result;
 use crate::matrix::MatrixShape;
+use crate::sections::{Sections, Tag, append};
+
+/// The section of the job's record.
+const DESCRIPTION: Tag = Tag(*b"Desc");
+/// The section of the scene's own weights. Readers must know it: without it the scene would be lit by its lights' emission.
+const SCENE_WEIGHTS: Tag = Tag(*b"Wght");
+/// The section of the columns' scales. Readers must know it: without it columns would be as bright as they were compared.
+const COLUMN_SCALES: Tag = Tag(*b"Scal");
+/// All sections of a job.
+pub(crate) const JOB_SECTIONS: [Tag; 3] = [DESCRIPTION, SCENE_WEIGHTS, COLUMN_SCALES];
 
 #[derive(Encode, Decode)]
 struct JobRecord {
@@ -16,33 +27,81 @@ struct JobRecord {
     provenance: Provenance,
 }
 
+impl JobRecord {
+    fn of(job: &Job) -> Self {
+        Self {
+            width: job.shape.width(),
+            height: job.shape.height(),
+            columns: job.shape.columns() as u32,
+            block_side: job.shape.block_side(),
+            lights: job.basis.lights().to_vec(),
+            provenance: job.provenance.clone(),
+        }
+    }
+}
+
 /// First column and weights of each light that the scene lights texel by texel.
 type SceneWeights = Vec<(u32, Vec<[f32; 3]>)>;
 
-/// Encodes a job.
+/// Encodes a job as tagged sections.
 pub fn encode_job(job: &Job) -> Vec<u8> {
-    let mut bytes = encode_description(job);
-    let scales = job.basis.column_scales();
+    let mut bytes = Vec::new();
+    append(&mut bytes, DESCRIPTION, &encode(JobRecord::of(job)));
+    let (weights, scales) = (job.basis.own_scene_weights(), job.basis.column_scales());
+    if !weights.is_empty() {
+        append(&mut bytes, SCENE_WEIGHTS, &encode(weights));
+    }
     if !scales.is_empty() {
-        if job.basis.own_scene_weights().is_empty() {
-            bytes.extend(encode(job.basis.own_scene_weights()));
-        }
-        bytes.extend(encode(scales));
+        append(&mut bytes, COLUMN_SCALES, &encode(scales));
     }
     bytes
 }
 
-/// What tells a job from others: all but the scales of its columns, which are measured and follow from the rest.
+/// Decodes a job from tagged sections.
+///
+/// # Errors
+/// As text for the caller to place: sections that do not hold together or do not decode, parts that do not fit each other.
+pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
+    job_of(&Sections::split(bytes, &JOB_SECTIONS)?)
+}
+
+/// The job that some sections describe.
+///
+/// # Errors
+/// As those of [`decode_job`].
+pub(crate) fn job_of(sections: &Sections<'_>) -> Result<Job, String> {
+    let description = sections.body(DESCRIPTION).ok_or("the job description is missing")?;
+    let record = decode_whole(description)?;
+    let weights: SceneWeights = sections.body(SCENE_WEIGHTS).map_or_else(|| Ok(Vec::new()), decode_whole)?;
+    let scales: Vec<f32> = sections.body(COLUMN_SCALES).map_or_else(|| Ok(Vec::new()), decode_whole)?;
+    assembled(record, weights, scales)
+}
+
+/// A record that fills the body of its section.
+fn decode_whole<T: Decode<()>>(body: &[u8]) -> Result<T, String> {
+    let (record, used) = decode_some(body)?;
+    match body.len() - used {
+        0 => Ok(record),
+        rest => Err(trailing(rest)),
+    }
+}
+
+/// A record at the start of some bytes, and how many it took.
+fn decode_some<T: Decode<()>>(bytes: &[u8]) -> Result<(T, usize), String> {
+    if bytes.len() > MAX_BYTES {
+        return Err(format!("the job description has {} bytes, more than {MAX_BYTES}", bytes.len()));
+    }
+    decode(bytes).map_err(|e| format!("the job description does not decode ({e})"))
+}
+
+fn trailing(bytes: usize) -> String {
+    format!("the job description has {bytes} trailing bytes")
+}
+
+/// What tells a job from others: all but the scales of its columns, which are measured and follow from the rest. Identities are
+/// hashed from these bytes, in the form of the first version, whatever form a file has.
 pub(super) fn encode_description(job: &Job) -> Vec<u8> {
-    let record = JobRecord {
-        width: job.shape.width(),
-        height: job.shape.height(),
-        columns: job.shape.columns() as u32,
-        block_side: job.shape.block_side(),
-        lights: job.basis.lights().to_vec(),
-        provenance: job.provenance.clone(),
-    };
-    let mut bytes = encode(record);
+    let mut bytes = encode(JobRecord::of(job));
     let weights = job.basis.own_scene_weights();
     if !weights.is_empty() {
         bytes.extend(encode(weights));
@@ -50,27 +109,27 @@ pub(super) fn encode_description(job: &Job) -> Vec<u8> {
     bytes
 }
 
-/// Decodes a job.
+/// Decodes a job of a file from before tagged sections: version 1 of containers, versions 1 to 3 of stored matrices.
 ///
 /// # Errors
 /// As text for the caller to place: anything that does not decode, trailing bytes, or parts that do not fit each other.
-pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
-    if bytes.len() > MAX_BYTES {
-        return Err(format!("the job description has {} bytes, more than {MAX_BYTES}", bytes.len()));
-    }
-    let undecodable = |e: String| format!("the job description does not decode ({e})");
-    let (record, used): (JobRecord, usize) = decode(bytes).map_err(undecodable)?;
+pub(crate) fn decode_positional_job(bytes: &[u8]) -> Result<Job, String> {
+    let (record, used): (JobRecord, usize) = decode_some(bytes)?;
     let rest = &bytes[used..];
-    let (weights, used): (SceneWeights, usize) =
-        if rest.is_empty() { Default::default() } else { decode(rest).map_err(undecodable)? };
+    let (weights, used): (SceneWeights, usize) = if rest.is_empty() { Default::default() } else { decode_some(rest)? };
     let rest_of_weights = &rest[used..];
     let (scales, used): (Vec<f32>, usize) =
-        if rest_of_weights.is_empty() { Default::default() } else { decode(rest_of_weights).map_err(undecodable)? };
+        if rest_of_weights.is_empty() { Default::default() } else { decode_some(rest_of_weights)? };
     // An empty list is written only where a list follows: a description has one form.
     let last_is_empty = if rest_of_weights.is_empty() { weights.is_empty() } else { scales.is_empty() };
     if used != rest_of_weights.len() || (last_is_empty && !rest.is_empty()) {
-        return Err(format!("the job description has {} trailing bytes", rest.len()));
+        return Err(trailing(rest.len()));
     }
+    assembled(record, weights, scales)
+}
+
+/// A job of its parts.
+fn assembled(record: JobRecord, weights: SceneWeights, scales: Vec<f32>) -> Result<Job, String> {
     let shape = MatrixShape::new(record.width, record.height, record.columns, record.block_side)
         .map_err(|e| format!("the job description is impossible: {e}"))?;
     let mut basis = LightBasis::new();
@@ -116,54 +175,164 @@ mod tests {
         Job { shape: MatrixShape::new(40, 30, 7, 16).unwrap(), basis, provenance }
     }
 
-    #[test]
-    fn a_job_survives_its_bytes() {
-        assert_eq!(decode_job(&encode_job(&job())).unwrap(), job());
+    /// The job with weights of its scene and scales of its columns.
+    fn full_job() -> Job {
+        let mut full = job();
+        full.basis.set_scene_weights(1, (0..6).map(|i| [i as f32; 3]).collect()).unwrap();
+        full.basis.set_column_scales([vec![1e-6], vec![3.0; 6]].concat()).unwrap();
+        full
+    }
+
+    /// The bytes that programs wrote before tagged sections.
+    fn positional(job: &Job) -> Vec<u8> {
+        let mut bytes = encode_description(job);
+        let scales = job.basis.column_scales();
+        if !scales.is_empty() {
+            if job.basis.own_scene_weights().is_empty() {
+                bytes.extend(encode(job.basis.own_scene_weights()));
+            }
+            bytes.extend(encode(scales));
+        }
+        bytes
+    }
+
+    /// The same job with and without weights and scales.
+    fn variants() -> [Job; 4] {
+        let (mut weighted, mut scaled) = (job(), job());
+        weighted.basis.set_scene_weights(1, vec![[2.0; 3]; 6]).unwrap();
+        scaled.basis.set_column_scales(vec![2.0; 7]).unwrap();
+        [job(), weighted, scaled, full_job()]
     }
 
     #[test]
-    fn the_scenes_own_weights_survive_and_take_no_byte_where_there_are_none() {
-        let mut lit = job();
-        lit.basis.set_scene_weights(1, (0..6).map(|i| [i as f32; 3]).collect()).unwrap();
-        let bytes = encode_job(&lit);
-        assert_eq!(decode_job(&bytes).unwrap(), lit);
-        assert!(bytes.starts_with(&encode_job(&job())));
-        for length in encode_job(&job()).len() + 1..bytes.len() {
-            assert!(decode_job(&bytes[..length]).is_err());
+    fn a_job_survives_its_bytes_in_both_forms() {
+        for job in variants() {
+            assert_eq!(decode_job(&encode_job(&job)).unwrap(), job);
+            assert_eq!(decode_positional_job(&positional(&job)).unwrap(), job);
         }
-        assert!(decode_job(&[encode_job(&job()), vec![0]].concat()).is_err());
     }
 
     #[test]
-    fn scales_of_columns_survive_with_and_without_weights_and_are_no_part_of_the_identity() {
-        let mut scaled = job();
-        scaled.basis.set_column_scales([vec![1e-6], vec![3.0; 6]].concat()).unwrap();
-        assert_eq!(decode_job(&encode_job(&scaled)).unwrap(), scaled);
-        assert_eq!(scaled.hash(), job().hash());
-        let bytes = encode_job(&scaled);
-        for length in encode_job(&job()).len() + 1..bytes.len() {
-            assert!(decode_job(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+    fn sections_are_there_only_where_they_say_something() {
+        let tags = |job: &Job| {
+            let bytes = encode_job(job);
+            let sections = Sections::split(&bytes, &JOB_SECTIONS).unwrap();
+            JOB_SECTIONS.map(|tag| sections.body(tag).is_some())
+        };
+        let wanted = [[true, false, false], [true, true, false], [true, false, true], [true; 3]];
+        assert_eq!(variants().each_ref().map(tags), wanted);
+        assert!(decode_job(&[]).unwrap_err().contains("is missing"));
+    }
+
+    #[test]
+    fn sections_in_any_order_and_with_unknown_ones_between_are_read() {
+        let (full, bytes) = (full_job(), encode_job(&full_job()));
+        let sections = Sections::split(&bytes, &JOB_SECTIONS).unwrap();
+        let mut turned = Vec::new();
+        for tag in [COLUMN_SCALES, SCENE_WEIGHTS, DESCRIPTION] {
+            append(&mut turned, Tag([b'x', tag.0[1], tag.0[2], tag.0[3]]), &[7; 9]);
+            append(&mut turned, tag, sections.body(tag).unwrap());
         }
-        scaled.basis.set_scene_weights(1, vec![[2.0; 3]; 6]).unwrap();
-        assert_eq!(decode_job(&encode_job(&scaled)).unwrap(), scaled);
+        assert_eq!(decode_job(&turned).unwrap(), full);
+    }
+
+    #[test]
+    fn scales_of_columns_are_no_part_of_the_identity_and_have_to_be_possible() {
+        let [plain, weighted, scaled, _] = variants();
+        assert_eq!(scaled.hash(), plain.hash());
+        assert_ne!(weighted.hash(), plain.hash());
         for scales in
             [vec![1.0; 6], vec![0.0; 7], vec![f32::NAN; 7], vec![-1.0; 7], vec![1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0]]
         {
-            assert!(scaled.basis.set_column_scales(scales).is_err());
+            let mut bytes = encode_job(&job());
+            append(&mut bytes, COLUMN_SCALES, &encode(&scales));
+            assert!(decode_job(&bytes).is_err());
+            assert!(job().basis.set_column_scales(scales).is_err());
         }
     }
 
     #[test]
     fn every_truncation_is_an_error_and_no_flipped_byte_panics() {
-        let bytes = encode_job(&job());
-        for length in 0..bytes.len() {
-            assert!(decode_job(&bytes[..length]).is_err());
+        let (full, plain) = (encode_job(&full_job()), encode_job(&job()).len());
+        // What is cut off behind a section leaves another job, which checksums and the file's shape tell apart.
+        let whole = [plain, plain + 8 + encode(full_job().basis.own_scene_weights()).len()];
+        for length in (0..full.len()).filter(|length| !whole.contains(length)) {
+            assert!(decode_job(&full[..length]).is_err(), "{length}");
         }
-        for at in 0..bytes.len() {
-            let mut flipped = bytes.clone();
+        for at in 0..full.len() {
+            let mut flipped = full.clone();
             flipped[at] ^= 0xff;
             let _ = decode_job(&flipped);
         }
+        let old = positional(&full_job());
+        for length in (0..old.len()).filter(|length| ![plain - 8, whole[1] - 16].contains(length)) {
+            assert!(decode_positional_job(&old[..length]).is_err(), "{length}");
+        }
+        for at in 0..old.len() {
+            let mut flipped = old.clone();
+            flipped[at] ^= 0xff;
+            let _ = decode_positional_job(&flipped);
+        }
+        assert!(decode_positional_job(&[positional(&job()), vec![0]].concat()).is_err());
+        let longer = [encode(JobRecord::of(&job())), vec![0]].concat();
+        let mut bytes = Vec::new();
+        append(&mut bytes, DESCRIPTION, &longer);
+        assert!(decode_job(&bytes).unwrap_err().contains("1 trailing bytes"));
+    }
+
+    /// The fields of each record and the variants of each kind, in order, are on disks: they never change.
+    #[test]
+    fn the_bytes_of_a_job_never_change() {
+        let light = |kind, unit| Light {
+            name: "ab".into(),
+            kind,
+            unit,
+            emission: [1.0, 2.0, 4.0],
+            first_column: 3,
+            places: vec![[0.5, 0.25, 0.125]],
+            extents: vec![8.0],
+        };
+        let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let kinds: [(LightKind, &[u8]); 9] = [
+            (LightKind::Lamp, &[0]),
+            (LightKind::AreaTexels { across: 20, down: 15 }, &[1, 20, 15]),
+            (LightKind::LatLong { across: 20, down: 15 }, &[2, 20, 15]),
+            (LightKind::Octahedral { side: 20 }, &[3, 20]),
+            (LightKind::Point, &[4]),
+            (LightKind::Spot, &[5]),
+            (LightKind::Sun, &[6]),
+            (LightKind::Ies, &[7]),
+            (LightKind::Image, &[8]),
+        ];
+        let units = [LightUnit::Radiance, LightUnit::Intensity, LightUnit::Irradiance, LightUnit::Multiple];
+        for (kind, kind_bytes) in kinds {
+            for (unit, unit_byte) in units.into_iter().zip(0..) {
+                let rest = [&floats(&[1.0, 2.0, 4.0])[..], &[3, 1], &floats(&[0.5, 0.25, 0.125]), &[1]].concat();
+                let bytes = [&[2, b'a', b'b'], kind_bytes, &[unit_byte], &rest, &floats(&[8.0])].concat();
+                assert_eq!(encode(light(kind, unit)), bytes, "{kind:?}, {unit:?}");
+                assert_eq!(decode::<Light>(&bytes).unwrap(), (light(kind, unit), bytes.len()));
+            }
+        }
+        let record = JobRecord {
+            width: 1,
+            height: 2,
+            columns: 3,
+            block_side: 4,
+            lights: vec![],
+            provenance: Provenance {
+                source: "s".into(),
+                content: [9; 32],
+                program: "p".into(),
+                samples_per_pixel: 5,
+                seed: 6,
+                settings: "t".into(),
+                metres_per_unit: 0.5,
+            },
+        };
+        let head = [1, 2, 3, 4, 0, 1, b's'];
+        let bytes = [&head, &[9; 32][..], &[1, b'p', 5, 6, 1, b't'], &floats(&[0.5])].concat();
+        assert_eq!(encode(record), bytes);
+        assert_eq!(JOB_SECTIONS.map(|tag| tag.0), [*b"Desc", *b"Wght", *b"Scal"]);
     }
 
     #[test]
@@ -208,8 +377,11 @@ mod tests {
         }
         // Shape, then a number of lights that would take gigabytes: 2²⁴.
         let absurd = [4, 4, 1, 4, 252, 0, 0, 0, 1, 0];
-        let problem = decode_job(&absurd).unwrap_err();
-        assert!(problem.contains("LimitExceeded"), "{problem}");
+        let mut section = Vec::new();
+        append(&mut section, DESCRIPTION, &absurd);
+        for problem in [decode_positional_job(&absurd).unwrap_err(), decode_job(&section).unwrap_err()] {
+            assert!(problem.contains("LimitExceeded"), "{problem}");
+        }
     }
 
     #[test]

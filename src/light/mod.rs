@@ -34,6 +34,7 @@ pub use errors::{
 };
 pub use job::{DescribedSource, Job, JobHash, Provenance};
 pub use lighting::{LightWeight, Lighting};
+pub(crate) use metadata::{JOB_SECTIONS, decode_positional_job, job_of};
 pub use metadata::{decode_job, encode_job};
 pub use prior::{LightingPrior, evaluation_lightings};
 pub use probes::{PROBES, probe_lightings};

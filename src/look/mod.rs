@@ -99,7 +99,7 @@ fn load_within(path: &Path, basis: &LightBasis, reach: &FileAccess) -> Result<Lo
     let text = read_input_text(path, "read the look", MAX_TEXT_BYTES)?;
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     let file = if json { file::parse_json(&place, &text) } else { file::parse_toml(&place, &text) }?;
-    resolve::resolve(&place, (path.parent().unwrap_or(Path::new("")), reach), &file, basis)
+    resolve::resolve(&place, path.parent().unwrap_or(Path::new("")), reach, &file, basis)
 }
 
 impl Look {

@@ -17,7 +17,8 @@ use crate::light::{Light, LightBasis, LightKind, Lighting};
 /// Applies a file's rules to a basis. `folder` is the file's own, where its images are looked for within `reach`.
 pub(super) fn resolve(
     place: &str,
-    (folder, reach): (&Path, &FileAccess),
+    folder: &Path,
+    reach: &FileAccess,
     file: &LookFile,
     basis: &LightBasis,
 ) -> Result<Look> {

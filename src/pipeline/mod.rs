@@ -24,7 +24,7 @@ pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
 #[cfg(feature = "scene")]
-pub(crate) use pack::{Analysis, Packing, compressor_of, need_of};
+pub(crate) use pack::{Analysed, FirstPass, PackSource, Packing, need_of, plan_of};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, check_container_output, pack};
 pub(crate) use relight::factors_bytes;
 pub use relight::{

@@ -18,6 +18,15 @@ pub(super) struct RowSpill {
     height: usize,
 }
 
+/// Where a piece of a row begins.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowPlace {
+    pub(super) image: usize,
+    pub(super) channel: usize,
+    pub(super) y: usize,
+    pub(super) x: usize,
+}
+
 impl RowSpill {
     /// Room for images of `width × height`, in the folder of `beside`, where the disk is meant to hold results.
     pub(super) fn create(beside: &Path, images: usize, width: usize, height: usize) -> Result<Self> {
@@ -34,23 +43,23 @@ impl RowSpill {
         [CHANNELS, width, height, 4].iter().fold(images as u64, |bytes, &side| bytes.saturating_mul(side as u64))
     }
 
-    /// Writes a piece of a row, from column `x` on.
-    pub(super) fn write(&self, place: (usize, usize, usize), x: usize, values: &[f32]) -> Result<()> {
+    /// Writes a piece of a row.
+    pub(super) fn write(&self, place: RowPlace, values: &[f32]) -> Result<()> {
         let bytes = bytemuck::cast_slice(values);
         self.file
-            .write_all_at(bytes, self.offset(place, x))
+            .write_all_at(bytes, self.offset(place))
             .map_err(Error::io(&self.folder, "write a temporary file in the folder"))
     }
 
-    /// Reads a piece of a row: image, channel and row as `place`, from column `x` on.
-    pub(super) fn read(&self, place: (usize, usize, usize), x: usize, values: &mut [f32]) -> Result<()> {
+    /// Reads a piece of a row.
+    pub(super) fn read(&self, place: RowPlace, values: &mut [f32]) -> Result<()> {
         let bytes = bytemuck::cast_slice_mut(values);
         self.file
-            .read_exact_at(bytes, self.offset(place, x))
+            .read_exact_at(bytes, self.offset(place))
             .map_err(Error::io(&self.folder, "read a temporary file in the folder"))
     }
 
-    fn offset(&self, (image, channel, y): (usize, usize, usize), x: usize) -> u64 {
+    fn offset(&self, RowPlace { image, channel, y, x }: RowPlace) -> u64 {
         debug_assert!(channel < CHANNELS && y < self.height && x <= self.width);
         ((((image * CHANNELS + channel) * self.height + y) * self.width + x) * 4) as u64
     }
@@ -64,12 +73,12 @@ mod tests {
     fn pieces_come_back_as_rows() {
         let folder = tempfile::tempdir().unwrap();
         let spill = RowSpill::create(&folder.path().join("x"), 2, 5, 3).unwrap();
-        spill.write((1, 2, 2), 3, &[4.0, 5.0]).unwrap();
-        spill.write((1, 2, 2), 0, &[1.0, 2.0]).unwrap();
+        spill.write(RowPlace { image: 1, channel: 2, y: 2, x: 3 }, &[4.0, 5.0]).unwrap();
+        spill.write(RowPlace { image: 1, channel: 2, y: 2, x: 0 }, &[1.0, 2.0]).unwrap();
         let mut row = [9.0; 5];
-        spill.read((1, 2, 2), 0, &mut row).unwrap();
+        spill.read(RowPlace { image: 1, channel: 2, y: 2, x: 0 }, &mut row).unwrap();
         assert_eq!(row, [1.0, 2.0, 0.0, 4.0, 5.0]);
-        spill.read((0, 0, 0), 0, &mut row).unwrap();
+        spill.read(RowPlace { image: 0, channel: 0, y: 0, x: 0 }, &mut row).unwrap();
         assert_eq!(row, [0.0; 5]);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the file has no name");
     }

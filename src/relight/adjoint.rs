@@ -31,7 +31,7 @@ impl CpuRelighter {
     /// # Errors
     /// A number of pixels that is no whole number of images; a value that is not finite.
     pub fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
-        sum_blocks((self.shape(), self.column_scales()), images, |id, planes, sums| {
+        sum_blocks(self.shape(), self.column_scales(), images, |id, planes, sums| {
             match self.block(id) {
                 Some(block) => set_compact(block, planes, sums),
                 None => sums.fill(0.0),
@@ -47,7 +47,7 @@ impl CpuRelighter {
 /// Those of [`CpuRelighter::adjoint`] and of reading, damage among them.
 pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
-    sum_blocks((shape, source.column_scales()), images, |id, planes, sums| {
+    sum_blocks(shape, source.column_scales(), images, |id, planes, sums| {
         set_compact(&read_undamaged(source, shape, id)?, planes, sums);
         Ok(())
     })
@@ -60,7 +60,7 @@ pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) 
 pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
     let columns = shape.columns();
-    sum_blocks((shape, &[]), images, |id, planes, sums| {
+    sum_blocks(shape, &[], images, |id, planes, sums| {
         let pixels = shape.rect(id).pixels();
         // Of a block without entries no column is visited.
         sums.fill(0.0);
@@ -78,7 +78,8 @@ pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Resu
 /// Calls `set` for all blocks with the block's pixels (images × channels × pixels). Adds up its results (images ×
 /// channels × columns), each column multiplied by its scale.
 fn sum_blocks(
-    (shape, scales): (MatrixShape, &[f32]),
+    shape: MatrixShape,
+    scales: &[f32],
     images: &[[f32; CHANNELS]],
     set: impl Fn(BlockId, &[f32], &mut [f32]) -> Result<()> + Sync,
 ) -> Result<Vec<[f64; CHANNELS]>> {
@@ -179,12 +180,12 @@ impl pulp::NullaryFnOnce for SetCompact<'_> {
         let Self { block: CompactBlock { scales, left, right, sparse }, planes, sums } = self;
         let mut weights = vec![[0.0f32; CHANNELS]; scales.len()];
         if planes.len() == left.length {
-            return set_image((left, right), scales, sparse, planes, &mut weights, sums);
+            return set_image(left, right, scales, sparse, planes, &mut weights, sums);
         }
         let (left, right) = (left.widen(), right.widen());
         let images = planes.chunks_exact(left.length).zip(sums.chunks_exact_mut(CHANNELS * right.length));
         for (planes, sums) in images {
-            set_image((&left, &right), scales, sparse, planes, &mut weights, sums);
+            set_image(&left, &right, scales, sparse, planes, &mut weights, sums);
         }
     }
 }
@@ -192,7 +193,8 @@ impl pulp::NullaryFnOnce for SetCompact<'_> {
 /// Sets the sums of one image, channels × columns.
 #[inline(always)]
 fn set_image<N: Quantum, W: Quantum>(
-    (left, right): (&Factor<N, W>, &Factor<N, W>),
+    left: &Factor<N, W>,
+    right: &Factor<N, W>,
     scales: &[f32],
     sparse: &SparseEntries,
     planes: &[f32],

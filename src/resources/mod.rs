@@ -40,5 +40,6 @@ mod threads;
 pub(crate) use budget::{PROGRAM_BYTES, ResourceEstimate};
 pub use budget::{budget_bytes, hold_to_memory, human_bytes, parse_bytes};
 pub use peak::PeakMemory;
+pub(crate) use progress::JobStage;
 pub use progress::{NoProgress, Progress};
 pub(crate) use threads::Threads;

@@ -37,3 +37,12 @@ impl Progress for NoProgress {
         false
     }
 }
+
+/// The making of blocks, for people.
+#[derive(Clone, Copy)]
+pub(crate) struct JobStage<'a> {
+    /// What is done.
+    pub(crate) name: &'a str,
+    /// What work is counted in.
+    pub(crate) work_unit: &'a str,
+}

@@ -1,10 +1,13 @@
 //! How the error of images and the seconds of a render follow from the samples, fitted to what a pilot measured.
 
+use std::ops::RangeInclusive;
+
 use crate::error_estimate::worst;
 use crate::light::PROBES;
 
 /// Samples per pixel of the pilot's two runs.
-pub(super) const SAMPLES: (u32, u32) = (8, 32);
+pub(super) const FEW_SAMPLES: u32 = 8;
+pub(super) const MORE_SAMPLES: u32 = 32;
 /// Slowest fall of the squared error that is believed, as a power of the samples.
 const MIN_POWER: f64 = 0.25;
 
@@ -39,7 +42,7 @@ impl ErrorModel {
     /// The law from squared errors of the probe lightings at few and at more samples. `noise` is the squared noise at
     /// more samples. A fall faster than that of noise is not believed. One power holds for all lightings.
     pub(super) fn fitted(few: &[f64; PROBES], more: &[f64; PROBES], noise: f64) -> Self {
-        let (of_few, of_more) = (f64::from(SAMPLES.0), f64::from(SAMPLES.1));
+        let (of_few, of_more) = (f64::from(FEW_SAMPLES), f64::from(MORE_SAMPLES));
         let least = of_few / of_more;
         let believed: [f64; PROBES] = std::array::from_fn(|probe| more[probe].max(few[probe] * least));
         let sum = |squares: &[f64; PROBES]| squares.iter().filter(|square| square.is_finite()).sum::<f64>();
@@ -51,15 +54,15 @@ impl ErrorModel {
     /// Below the fewest samples measured, the error falls as that of noise, since filters fail with too little to
     /// compare.
     pub(super) fn error(&self, samples: f64) -> f64 {
-        let least = f64::from(SAMPLES.0).min(self.samples);
+        let least = f64::from(FEW_SAMPLES).min(self.samples);
         let few = self.square * (self.samples / samples.max(least)).powf(self.power);
         let cleaned = few * (least / samples).max(1.0);
         cleaned.min(self.noise / samples).max(0.0).sqrt()
     }
 
     /// Number of sample pairs that reduces the error to this, within bounds.
-    pub(super) fn pairs(&self, error: f64, (least, most): (u32, u32)) -> u32 {
-        first(most, |pairs| pairs >= least && self.error(2.0 * f64::from(pairs)) <= error)
+    pub(super) fn pairs(&self, error: f64, between: RangeInclusive<u32>) -> u32 {
+        first(*between.end(), |pairs| pairs >= *between.start() && self.error(2.0 * f64::from(pairs)) <= error)
     }
 }
 

@@ -223,7 +223,7 @@ mod tests {
         let windows = [job.shape.blocks().collect()];
         let blocks = Blocks { source: &tracer, job: &job, windows: &windows };
         let threads = Threads::new(rayon::current_num_threads()).unwrap();
-        blocks.images(false, &threads, ("", &NoProgress)).unwrap().sampled
+        blocks.images(false, &threads, "", &NoProgress).unwrap().sampled
     }
 
     /// Against a converged reference: the error is within a half of the one asked for, and the stated error within a

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::StopRule;
-use super::error_model::{ErrorModel, SAMPLES, Seconds, first};
+use super::error_model::{ErrorModel, FEW_SAMPLES, MORE_SAMPLES, Seconds, first};
 use crate::error::Result;
 use crate::error_estimate::{Blocks, ProbedImages, WindowImages, error_squares, noise_squares, worst};
 use crate::light::{Job, PROBES};
@@ -54,14 +54,14 @@ impl Pilot<'_> {
         let mut job = self.job.clone();
         job.basis.set_column_scales(tracer.column_scales().to_vec())?;
         let blocks = Blocks { source: tracer, job: &job, windows };
-        blocks.images(cleans, self.threads, ("a pilot", self.watch))
+        blocks.images(cleans, self.threads, "a pilot", self.watch)
     }
 
     /// Independent samples of windows.
     pub(super) fn references(&self, windows: Vec<Vec<BlockId>>) -> Result<References> {
-        let tracer = self.tracer(self.settings(1, SAMPLES.1))?;
+        let tracer = self.tracer(self.settings(1, MORE_SAMPLES))?;
         let first = self.images(&tracer, &windows, false)?.sampled;
-        let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
+        let tracer = tracer.with_settings(self.settings(2, MORE_SAMPLES))?;
         let second = self.images(&tracer, &windows, false)?.sampled;
         Ok((windows, [first, second]))
     }
@@ -78,7 +78,7 @@ impl Pilot<'_> {
         };
         let share = f64::from(shape.width()) * f64::from(shape.height()) / pixels(&windows);
         let preparing = Instant::now();
-        let tracer = self.tracer(self.settings(0, SAMPLES.0))?;
+        let tracer = self.tracer(self.settings(0, FEW_SAMPLES))?;
         let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
         let tracing = Instant::now();
         // If only a time is given, denoising only measures its own duration.
@@ -89,24 +89,24 @@ impl Pilot<'_> {
         let seconds = Seconds {
             fixed: preparing - photons.seconds + cleaning,
             per_photon: photons.seconds / photons.sent.max(1) as f64,
-            per_sample: tracing / f64::from(SAMPLES.0) * share,
+            per_sample: tracing / f64::from(FEW_SAMPLES) * share,
         };
         if let Some(end) = rule.seconds {
             let left = PILOT_SHARE * end - begun.elapsed().as_secs_f64();
-            let each = 2.0 * seconds.per_sample * f64::from(SAMPLES.1) / share / windows.len() as f64;
+            let each = 2.0 * seconds.per_sample * f64::from(MORE_SAMPLES) / share / windows.len() as f64;
             let in_time = (left / each) as usize;
             windows.truncate(if rule.error.is_some() { in_time.max(1) } else { in_time });
         }
         // Without an error to reach, that of packed images is still measured if time allows.
         if windows.is_empty() || rule.error.is_none() && !cleans {
-            let law = ErrorModel::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
+            let law = ErrorModel::of_noise(worst(&noise_squares(&few.sampled)), FEW_SAMPLES);
             return Ok((PilotResult { law, of_packed: false, seconds }, None));
         }
         let at_hand = windows.concat();
         few.shown.retain(|id, _| at_hand.contains(id));
-        let tracer = tracer.with_settings(self.settings(1, SAMPLES.1))?;
+        let tracer = tracer.with_settings(self.settings(1, MORE_SAMPLES))?;
         let first = self.images(&tracer, &windows, self.cleans)?;
-        let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
+        let tracer = tracer.with_settings(self.settings(2, MORE_SAMPLES))?;
         let second = self.images(&tracer, &windows, self.cleans)?;
         let mean = |a: [f64; PROBES], b: [f64; PROBES]| std::array::from_fn(|probe| 0.5 * (a[probe] + b[probe]));
         let noise = worst(&mean(noise_squares(&first.sampled), noise_squares(&second.sampled)));
@@ -117,7 +117,7 @@ impl Pilot<'_> {
                 let of_few = error_squares(&few.shown, [&first.sampled, &second.sampled]);
                 ErrorModel::fitted(&of_few, &mean(of_first, of_second), noise)
             }
-            false => ErrorModel::of_noise(noise, SAMPLES.1),
+            false => ErrorModel::of_noise(noise, MORE_SAMPLES),
         };
         Ok((PilotResult { law, of_packed: self.cleans, seconds }, Some((windows, [first.sampled, second.sampled]))))
     }
@@ -133,8 +133,8 @@ impl PilotResult {
         };
         // Pairs of samples, so that the noise is known and both halves have the same number. Below the pilot's least
         // number the denoiser's error would be a guess.
-        let least = if pilot.cleans { SAMPLES.0 / 2 } else { 1 };
-        let by_error = rule.error.map(|error| self.law.pairs(error, (least, most)));
+        let least = if pilot.cleans { FEW_SAMPLES / 2 } else { 1 };
+        let by_error = rule.error.map(|error| self.law.pairs(error, least..=most));
         let by_time = rule.seconds.map(|end| {
             let left = TRACING_SHARE * end - begun.elapsed().as_secs_f64();
             first(most, |pairs| takes(2 * pairs + 2) > left)

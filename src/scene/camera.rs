@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec2, Vec3};
 
 use super::origin;
-
+use crate::decimal;
 use crate::error::{Error, Result};
 
 /// Filter with which samples make a pixel. Samples are drawn from the filter's shape (filter importance sampling), so
@@ -106,12 +106,11 @@ impl Camera {
 
     /// The camera of a scene with this origin as a job's settings state it, in the keys and coordinates of its file.
     pub fn in_words(&self, origin: DVec3) -> String {
-        let [direction, up] = [self.forward, self.up].map(|v| v.to_array());
-        let (eye, degrees) = (origin::in_file(origin, self.eye).to_array(), self.vertical_fov_radians.to_degrees());
+        let [direction, up] = [self.forward, self.up].map(|v| decimal::list(v.to_array(), decimal::of_f32));
+        let eye = decimal::list(origin::in_file(origin, self.eye).to_array(), decimal::of_f64);
+        let degrees = decimal::of_f32(self.vertical_fov_radians.to_degrees());
         let origin = origin::in_words(origin);
-        format!(
-            "{WORDS}{origin}eye = {eye:?}, direction = {direction:?}, up = {up:?}, vertical_fov_degrees = {degrees:?}"
-        )
+        format!("{WORDS}{origin}eye = {eye}, direction = {direction}, up = {up}, vertical_fov_degrees = {degrees}")
     }
 
     /// The camera described in a job's settings, for an image of this size, without a pixel filter. `None` without a

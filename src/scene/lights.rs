@@ -14,6 +14,7 @@ use super::photometry::{self, MAX_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
 use super::resolve_materials::{Emission, colour};
 use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, Vertex, names};
+use crate::decimal::{list, of_f32, of_f64};
 use crate::error::{Error, Result, Warnings};
 use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
@@ -467,7 +468,9 @@ fn local(value: Option<[f64; 3]>, origin: DVec3, key: &str, place: &str) -> Resu
     let local = (DVec3::from(whole) - origin).as_vec3();
     match local.is_finite() {
         true => Ok(local),
-        false => Err(Error::input(place, format!("{key} {whole:?} is not finite"), "give finite numbers")),
+        false => {
+            Err(Error::input(place, format!("{key} {} is not finite", list(whole, of_f64)), "give finite numbers"))
+        }
     }
 }
 
@@ -475,7 +478,9 @@ fn point(values: [f32; 3], key: &str, place: &str) -> Result<Vec3> {
     let point = Vec3::from(values);
     match point.is_finite() {
         true => Ok(point),
-        false => Err(Error::input(place, format!("{key} {values:?} is not finite"), "give finite numbers")),
+        false => {
+            Err(Error::input(place, format!("{key} {} is not finite", list(values, of_f32)), "give finite numbers"))
+        }
     }
 }
 

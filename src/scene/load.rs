@@ -193,7 +193,7 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     }
     let cameras = extras.cameras.iter().map(|camera| camera.name.clone()).collect();
     let origin = geometry.settle(&place, &mut warnings);
-    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), (&geometry, origin), &place, &mut warnings)?;
+    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, origin, &place, &mut warnings)?;
     let made = build(
         Read {
             place: &place,
@@ -219,7 +219,8 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
 fn choose_camera(
     cameras: &[FileCamera],
     name: Option<&str>,
-    (geometry, origin): (&Geometry, DVec3),
+    geometry: &Geometry,
+    origin: DVec3,
     place: &str,
     warnings: &mut Warnings,
 ) -> Result<Camera> {

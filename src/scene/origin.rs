@@ -6,6 +6,8 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::decimal;
+
 /// Along an axis on which the middle lies farther from zero than this, in units of half the largest side, a scene is moved, and then lies no
 /// farther. Three bits are lost there at most.
 const FAR: f64 = 8.0;
@@ -46,7 +48,7 @@ pub fn in_file(origin: DVec3, place: Vec3) -> DVec3 {
 fn along(origin: f64, place: f32) -> f64 {
     if origin == 0.0 {
         // The decimal that the f32 is written as.
-        return format!("{place:?}").parse().unwrap_or_else(|_| f64::from(place));
+        return decimal::of_f32(place).parse().unwrap_or_else(|_| f64::from(place));
     }
     let whole = origin + f64::from(place);
     let rounded = |digits: usize| format!("{whole:.digits$}").parse::<f64>().unwrap_or(whole);
@@ -55,7 +57,11 @@ fn along(origin: f64, place: f32) -> f64 {
 
 /// The origin in words, for a job's settings; nothing where it is zero.
 pub(super) fn in_words(origin: DVec3) -> String {
-    if origin == DVec3::ZERO { String::new() } else { format!("{WORDS}{:?}, ", origin.to_array()) }
+    if origin == DVec3::ZERO {
+        String::new()
+    } else {
+        format!("{WORDS}{}, ", decimal::list(origin.to_array(), decimal::of_f64))
+    }
 }
 
 /// The origin that a job's settings state: its lights' places are counted from there. Zero where they state none.

@@ -14,6 +14,7 @@ use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, Through, Wri
 use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
 use super::{Material, Paint, Surface, TextureId};
+use crate::decimal::{list, of_f32};
 use crate::error::{Error, Result, Warnings};
 use crate::light::names::fits;
 
@@ -163,7 +164,7 @@ impl MaterialResolver<'_> {
     fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path, shape: MaterialShape) -> Result<UnresolvedMaterial> {
         let asked_by = format!("material '{}'", source.name);
         let mut map = |map: &Option<MtlMap>, usage: TextureUse| match map {
-            Some(map) => self.textures.named((folder, &map.file), usage, &asked_by, &mut self.warnings),
+            Some(map) => self.textures.named(folder, &map.file, usage, &asked_by, &mut self.warnings),
             None => Ok(None),
         };
         let diffuse_map = map(&source.diffuse_map, TextureUse::Reflectance)?;
@@ -265,7 +266,7 @@ impl MaterialResolver<'_> {
                 let Some(name) = name else { return Ok(None) };
                 match self.folders.look_up(name, &place)? {
                     Some(path) => self.textures.get(&path, usage, &mut self.warnings).map(Some),
-                    None => self.textures.named((self.folders.own(), name), usage, &place, &mut self.warnings),
+                    None => self.textures.named(self.folders.own(), name, usage, &place, &mut self.warnings),
                 }
             };
             if let Some(id) = map(&entry.reflectance_map, TextureUse::Reflectance)? {
@@ -358,7 +359,11 @@ pub(super) fn colour(values: [f32; 3], key: &str, largest: f32, place: &str) -> 
     if values.iter().all(|v| (0.0..=largest).contains(v)) {
         return Ok(values.into());
     }
-    Err(Error::input(place, format!("{key} {values:?} has a value out of range"), "give finite numbers of at least 0"))
+    Err(Error::input(
+        place,
+        format!("{key} {} has a value out of range", list(values, of_f32)),
+        "give finite numbers of at least 0",
+    ))
 }
 
 #[cfg(test)]

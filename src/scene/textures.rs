@@ -63,7 +63,8 @@ impl Textures {
     /// A file that is no image or may not be opened, or more textures than fit.
     pub(super) fn named(
         &mut self,
-        (folder, name): (&Path, &str),
+        folder: &Path,
+        name: &str,
         usage: TextureUse,
         asked_by: &str,
         warnings: &mut Warnings,
@@ -150,7 +151,7 @@ impl Textures {
         warnings: &mut Warnings,
     ) -> Result<Option<TextureId>> {
         match source {
-            ImageSource::File(folder, name) => self.named((folder, name), usage, asked_by, warnings),
+            ImageSource::File(folder, name) => self.named(folder, name, usage, asked_by, warnings),
             ImageSource::Embedded(name, bytes) => {
                 if let Some(&id) = self.known.get(&(name.clone(), usage)) {
                     return Ok(Some(id));

@@ -1,8 +1,7 @@
 //! The head of shared data: what the picture is, its lights, the author's looks, and where the layers lie; as JSON.
 
-use std::fmt::Write;
-
 use super::level::Level;
+use crate::decimal;
 use crate::light::{Job, Light, Lighting};
 
 /// A lighting of the author's.
@@ -145,7 +144,7 @@ fn colour(json: &mut String, colour: &[f32; 3]) {
 /// The shortest decimal that gives the same f32 back. Nothing here is infinite or not a number; if it were, it were 0.
 fn number(json: &mut String, value: f32) {
     let value = if value.is_finite() { value } else { 0.0 };
-    write!(json, "{value:?}").expect("a string takes all that is written to it");
+    *json += &decimal::of_f32(value);
 }
 
 fn text(json: &mut String, text: &str) {

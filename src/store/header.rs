@@ -1,7 +1,7 @@
 //! The header page and the job description behind it.
 
 use crate::error::{Error, Result};
-use crate::light::{Clusters, Job, decode_job, encode_job};
+use crate::light::{Clusters, Job, decode_job, decode_positional_job, encode_job};
 use crate::matrix::{FEATURE_PLANES, MatrixShape};
 use std::path::Path;
 
@@ -10,12 +10,14 @@ use super::{PAGE_BYTES, Precision, StoreLayout, StoreOptions, disk_structure};
 
 /// First bytes of every `.ltm` file: a byte above 127, the name, and line ends that a text transfer would change.
 pub const MAGIC: [u8; 8] = *b"\x89LTM\r\n\x1a\n";
-/// The newest version of the format that this program reads, and what it writes where a file has room for planes.
-pub const VERSION: u32 = 3;
-/// The version of files without planes: the first, still written so.
+/// Version of the format that this program writes; it reads this one and all earlier ones, and goes on with their files.
+pub const VERSION: u32 = 4;
+/// The version of files without planes: the first.
 const VERSION_WITHOUT_PLANES: u32 = 1;
-/// The version whose planes do not know materials, which is still read, and gone on with.
+/// The version whose planes do not know materials.
 const VERSION_WITHOUT_MATERIAL: u32 = 2;
+/// The last version whose job description stands in fixed order, before it became tagged sections.
+const VERSION_WITHOUT_SECTIONS: u32 = 3;
 /// Planes of features of that version.
 const FEATURES_WITHOUT_MATERIAL: u32 = 10;
 
@@ -70,11 +72,7 @@ impl StoreHeader {
         let fields = HeaderBytes {
             magic: MAGIC,
             checksum: 0,
-            version: match layout.features {
-                0 => VERSION_WITHOUT_PLANES,
-                FEATURES_WITHOUT_MATERIAL => VERSION_WITHOUT_MATERIAL,
-                _ => VERSION,
-            },
+            version: VERSION,
             precision: layout.precision.code(),
             max_probes: layout.max_probes,
             width: job.shape.width(),
@@ -166,14 +164,16 @@ impl UnverifiedHeader {
         }
         let HeaderBytes { max_probes, clusters, job_bytes, .. } = fields;
         let has_planes = clusters > 0;
-        if max_probes > Self::MAX_PROBES
-            || has_planes != (fields.version > VERSION_WITHOUT_PLANES)
-            || clusters as usize > Clusters::MAX
-        {
+        let planes_fit = match fields.version {
+            VERSION_WITHOUT_PLANES => !has_planes,
+            ..=VERSION_WITHOUT_SECTIONS => has_planes,
+            _ => true,
+        };
+        if max_probes > Self::MAX_PROBES || !planes_fit || clusters as usize > Clusters::MAX {
             return Err(damaged("the header's fields are out of range".into()));
         }
         let features = match fields.version {
-            VERSION_WITHOUT_PLANES => 0,
+            _ if !has_planes => 0,
             VERSION_WITHOUT_MATERIAL => FEATURES_WITHOUT_MATERIAL,
             _ => FEATURE_PLANES as u32,
         };
@@ -193,7 +193,12 @@ impl UnverifiedHeader {
         if crc32fast::hash(&description) != fields.job_checksum {
             return Err(damaged("the job description's checksum does not hold".into()));
         }
-        let job = decode_job(&description[..fields.job_bytes as usize]).map_err(damaged)?;
+        let description = &description[..fields.job_bytes as usize];
+        let job = match fields.version {
+            ..=VERSION_WITHOUT_SECTIONS => decode_positional_job(description),
+            _ => decode_job(description),
+        };
+        let job = job.map_err(damaged)?;
         if job.shape != shape {
             return Err(damaged("the header and the job description differ in shape".into()));
         }

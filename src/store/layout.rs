@@ -89,6 +89,11 @@ impl StoreLayout {
         Self { shape: job.shape, precision, max_probes, clusters, features, job_bytes }
     }
 
+    /// Whether blocks are stored in the same bytes as in a file of another layout, whatever the length of its description.
+    pub(super) fn has_same_tiles(&self, other: &Self) -> bool {
+        *self == Self { job_bytes: self.job_bytes, ..*other }
+    }
+
     /// Whether there is room for what the samples of each block are.
     pub fn has_planes(&self) -> bool {
         self.clusters > 0

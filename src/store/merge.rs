@@ -42,7 +42,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
         return Err(Error::input("merge", "there is nothing to merge", "name the files to join"));
     };
     for reader in &readers[1..] {
-        if reader.job().hash() != first.job().hash() || reader.layout() != first.layout() {
+        if reader.job().hash() != first.job().hash() || !tiles_fit(reader, first) {
             let problem = format!("is of another job or precision than {}", first.path().display());
             return Err(Error::input(reader.path().display().to_string(), problem, "merge files of one job only"));
         }
@@ -54,8 +54,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
         let writer = StoreWriter::create_or_resume(output, first.job(), options)?;
         (writer, StoreReader::open_positioned(&partial_path(output))?)
     };
-    // Tiles are copied as they are, to where they stood: planes and noise must have the same places.
-    if before.layout() != first.layout() {
+    if !tiles_fit(&before, first) {
         let (place, problem, hint) = match is_new {
             true => (
                 first.path(),
@@ -86,7 +85,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
                     writer.discard(id)?;
                     report.mended += 1;
                 }
-                writer.copy_tile(id, &record, reader.storage(), &mut scratch)?;
+                writer.copy_tile(id, &record, reader, &mut scratch)?;
                 report.copied += 1;
             }
         }
@@ -97,6 +96,13 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
     }
     report.missing = writer.finish()?.missing;
     Ok(report)
+}
+
+/// Whether the tiles of two files of one job mean the same, so that they can be copied as they are: planes and noise have the same
+/// places, and are of divided columns in both files or in none.
+fn tiles_fit(one: &StoreReader<FileStorage>, other: &StoreReader<FileStorage>) -> bool {
+    let scales = |reader: &StoreReader<FileStorage>| reader.job().basis.column_scales().len();
+    one.layout().has_same_tiles(other.layout()) && scales(one) == scales(other)
 }
 
 /// A block, as the files hold it.

@@ -412,7 +412,7 @@ impl<S: Storage> StoreReader<S> {
 
     fn check_columns(&self, columns: &Range<u32>) -> Result<()> {
         if columns.start > columns.end || columns.end as usize > self.shape().columns() {
-            let problem = format!("has {} columns, not {columns:?}", self.shape().columns());
+            let problem = format!("has {} columns, not {} to {}", self.shape().columns(), columns.start, columns.end);
             return Err(Error::input(self.path.display().to_string(), problem, ""));
         }
         Ok(())

@@ -17,7 +17,7 @@ use super::record::{BlockRecord, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile_writer::TileWriter;
-use super::{PAGE_BYTES, RECORD_BYTES, StoreLayout, StoreOptions};
+use super::{PAGE_BYTES, RECORD_BYTES, StoreLayout, StoreOptions, StoreReader};
 
 /// Summary of a finished file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -419,14 +419,14 @@ impl<S: Storage> StoreWriter<S> {
         &self,
         id: BlockId,
         record: &BlockRecord,
-        from: &impl Storage,
+        from: &StoreReader<impl Storage>,
         scratch: &mut Vec<u8>,
     ) -> Result<()> {
         self.commit(id, || {
-            let slot = self.layout.slot_offset(id);
+            let (slot, slot_there) = (self.layout.slot_offset(id), from.layout().slot_offset(id));
             for start in (0..record.length).step_by(STAGING_BYTES) {
                 scratch.resize((record.length - start).min(STAGING_BYTES as u64) as usize, 0);
-                read_exact(from, slot + start, scratch)?;
+                read_exact(from.storage(), slot_there + start, scratch)?;
                 write_all(&self.storage, slot + start, scratch)?;
             }
             self.clear_rest(id, record.length)?;

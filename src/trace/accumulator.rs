@@ -132,7 +132,8 @@ impl PixelMeans {
         &mut self,
         sums: &mut PixelSums,
         noise: Option<(&mut NoiseSums<'_>, &PixelSums)>,
-        (run, pixel): (Run, usize),
+        run: Run,
+        pixel: usize,
         samples: [u32; 2],
     ) {
         let scale = 1.0 / (samples[0] + samples[1]) as f32;
@@ -202,7 +203,8 @@ impl<'a> NoiseSums<'a> {
     /// columns.
     pub(super) fn new(
         (rows, columns): (usize, usize),
-        (probes_of_column, probes): (&'a [f32], usize),
+        probes_of_column: &'a [f32],
+        probes: usize,
         factors: &'a [f32],
     ) -> Self {
         Self {
@@ -312,13 +314,13 @@ mod tests {
         let mut sample = || random.random_range(-1.0f32..1.0);
         for halves in [[1u32, 1], [2, 1], [3, 2], [8, 8]] {
             let mut sums = PixelSums::new(1);
-            let (mut tile, mut noise) = (PixelMeans::new(1), NoiseSums::new((3 * PIXELS, 1), (&[], 0), &[]));
+            let (mut tile, mut noise) = (PixelMeans::new(1), NoiseSums::new((3 * PIXELS, 1), &[], 0, &[]));
             for pixel in 0..PIXELS {
                 for (half, count) in halves.into_iter().enumerate() {
                     (0..count).for_each(|_| sums.add(half, 0, Vec3::splat(sample())));
                 }
                 let run = Run { first: pixel, count: 1, pixels: PIXELS };
-                tile.take(&mut sums, Some((&mut noise, &PixelSums::new(1))), (run, 0), halves);
+                tile.take(&mut sums, Some((&mut noise, &PixelSums::new(1))), run, 0, halves);
             }
             let stated = f64::from(noise.finish().column_variance[0]);
             let expected = 1.0 / 3.0 / f64::from(halves[0] + halves[1]);

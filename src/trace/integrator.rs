@@ -17,7 +17,7 @@ use glam::{Vec2, Vec3};
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
 use super::lights::{EmitterHit, LightPmf, SeenLight};
-use super::photons::{LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
+use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
 use super::sampler::{Dimension, Sampler};
 use super::vertex::{PathVertex, power_heuristic};
@@ -68,9 +68,15 @@ struct Last {
     pdf: Option<f32>,
     cosine: f32,
     light_samples: f32,
-    /// The photon gathering at the last non-delta vertex: its radius, and the density over projected solid angle with
-    /// which the path continues.
-    gathered: Option<(f32, f32)>,
+    /// How photons were gathered at the last surface with more than single directions.
+    gathered: Option<GatheredWithin>,
+}
+
+/// A light sample of several.
+struct LightDraw {
+    /// Uniform numbers.
+    pair: Vec2,
+    count: u32,
 }
 
 impl Last {
@@ -98,7 +104,7 @@ impl DeltaBranch {
     /// Continues along one scattered direction of the surface that the branch has reached, with a share of its light.
     /// `None` if that direction does not leave the surface. At `max_depth` only straight transmission continues.
     #[inline(always)]
-    fn onward(&self, at: &PathVertex, (way, share): (&Scattered, f32), max_depth: u32) -> Option<Self> {
+    fn onward(&self, at: &PathVertex, way: &Scattered, share: f32, max_depth: u32) -> Option<Self> {
         if self.vertex + 1 >= max_depth && !way.pass_through {
             return None;
         }
@@ -165,7 +171,8 @@ pub(super) fn trace_sample(
     (x, y): (u32, u32),
     sample: u32,
     sampler: &Sampler,
-    (sums, planes): (&mut PixelSums, Option<&mut PlaneSums<'_>>),
+    sums: &mut PixelSums,
+    planes: Option<&mut PlaneSums<'_>>,
 ) -> PathCost {
     let camera = &paths.world.scene.camera;
     let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Dimension::Pixel, 0));
@@ -193,8 +200,8 @@ impl Paths<'_> {
         let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MAX_FORKS);
         loop {
-            let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
-            // Paths of full length may still pass sheets, as the shadow rays of their last vertex do.
+            let Some(at) = self.arrive((origin, direction), &last, layer, throughput * seen, record) else { return };
+            // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
             if layer == LightPath::Emission {
@@ -225,7 +232,8 @@ impl Paths<'_> {
                 let chances = world.lights.chances(at.point.position, at.frame.z);
                 for member in 0..light_samples {
                     let pair = sampler.member(Dimension::Light, vertex, member, light_samples);
-                    at.sample_light(world, &chances, throughput, (pair, light_samples), layer, record);
+                    let draw = LightDraw { pair, count: light_samples };
+                    at.sample_light(world, &chances, throughput, draw, layer, record);
                 }
                 let map = maps[usize::from(layer == LightPath::Indirect)];
                 if let Some(photons) = self.photons {
@@ -234,7 +242,7 @@ impl Paths<'_> {
             } else if layer == LightPath::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                if let Some(aside) = here.onward(&at, (&way, chance), self.max_depth) {
+                if let Some(aside) = here.onward(&at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(aside, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
@@ -272,7 +280,11 @@ impl Paths<'_> {
                 pdf: (!next.singular).then_some(next.pdf),
                 cosine: next.wi.z,
                 light_samples: light_samples as f32,
-                gathered: if next.singular { last.gathered } else { radius.map(|radius| (radius, spread())) },
+                gathered: if next.singular {
+                    last.gathered
+                } else {
+                    radius.map(|radius| GatheredWithin { radius, spread: spread() })
+                },
             };
             vertex += 1;
             if vertex >= CERTAIN_VERTICES {
@@ -292,7 +304,8 @@ impl Paths<'_> {
         &self,
         (origin, direction): (Vec3, Vec3),
         last: &Last,
-        (layer, throughput): (LightPath, Vec3),
+        layer: LightPath,
+        throughput: Vec3,
         record: &mut PathRecord<'_, '_>,
     ) -> Option<PathVertex> {
         let world = self.world;
@@ -355,8 +368,9 @@ impl Paths<'_> {
         record: &mut PathRecord<'_, '_>,
     ) {
         while aside.passes < MAX_PASSES {
-            let (ray, light) = (aside.ray, (LightPath::Emission, aside.throughput * aside.share));
-            let Some(at) = self.arrive(ray, &Last::only(ray.0, ray.1), light, record) else { return };
+            let (ray, throughput) = (aside.ray, aside.throughput * aside.share);
+            let last = Last::only(ray.0, ray.1);
+            let Some(at) = self.arrive(ray, &last, LightPath::Emission, throughput, record) else { return };
             let at_end = aside.vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + aside.vertex + aside.passes);
             if at.opacity < 1.0 {
@@ -380,12 +394,12 @@ impl Paths<'_> {
                 && chance.min(1.0 - chance) * aside.share > MIN_BRANCH_SHARE
             {
                 *forks -= 1;
-                if let Some(other) = aside.onward(&at, (&way, chance), self.max_depth) {
+                if let Some(other) = aside.onward(&at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(other, forks, sampler, record);
                 }
                 kept = 1.0 - chance;
             }
-            match aside.onward(&at, (&next, kept), self.max_depth) {
+            match aside.onward(&at, &next, kept, self.max_depth) {
                 Some(onward) => aside = onward,
                 None => return,
             }
@@ -428,19 +442,19 @@ impl PathVertex {
         features.material = world.material_index(&self.point) + 1;
     }
 
-    /// One light sample of `count`, from a pair of uniform numbers.
+    /// One light sample.
     #[inline(always)]
     fn sample_light(
         &self,
         world: &World,
         chances: &LightPmf,
         throughput: Vec3,
-        (pair, count): (Vec2, u32),
+        LightDraw { pair, count }: LightDraw,
         layer: LightPath,
         record: &mut PathRecord<'_, '_>,
     ) {
-        let here = (self.point.position, &self.frame);
-        let Some(light) = world.lights.sample(&world.scene, here, chances, pair) else { return };
+        let drawn = world.lights.sample(&world.scene, self.point.position, &self.frame, chances, pair);
+        let Some(light) = drawn else { return };
         if light.towards.dot(self.normal) <= 0.0 {
             return;
         }

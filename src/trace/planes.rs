@@ -162,7 +162,7 @@ impl<'a> PlaneSums<'a> {
             let most = BlockPlanes::most_seen(run.pixels as u64, self.of_column.len() as u64) as usize;
             if planes.emission.len() > 2 * most {
                 self.carry_until(planes, run, pixel + 1);
-                keep_brightest(planes, (self.of_column, self.factors), most);
+                keep_brightest(planes, self.of_column, self.factors, most);
             }
         }
     }
@@ -208,12 +208,12 @@ pub(super) fn begin(planes: &mut BlockPlanes, clusters: &Clusters, pixels: usize
 /// Reduces the planes of a traced block to what is stored.
 pub(super) fn finish(planes: &mut BlockPlanes, clusters: &Clusters, factors: &[f32]) {
     let most = BlockPlanes::most_seen(planes.pixels() as u64, clusters.of_column().len() as u64);
-    keep_brightest(planes, (clusters.of_column(), factors), most as usize);
+    keep_brightest(planes, clusters.of_column(), factors, most as usize);
     planes.round();
 }
 
-/// Keeps the brightest emission, with each column scaled by its factor, and counts the rest as indirect.
-fn keep_brightest(planes: &mut BlockPlanes, (of_column, factors): (&[u16], &[f32]), most: usize) {
+/// Keeps the brightest of the emission, each column multiplied by its factor, and counts the rest as indirect.
+fn keep_brightest(planes: &mut BlockPlanes, of_column: &[u16], factors: &[f32], most: usize) {
     if planes.emission.len() <= most {
         return;
     }
@@ -248,7 +248,7 @@ mod tests {
         planes.reset(2, 2);
         let brightest = [seen(0, 1, 3.0), seen(1, 0, 4.0)];
         planes.emission = vec![seen(0, 0, 1.0), brightest[0], brightest[1], seen(1, 3, 2.0)];
-        keep_brightest(&mut planes, (&[0, 0, 1, 1], &[]), 2);
+        keep_brightest(&mut planes, &[0, 0, 1, 1], &[], 2);
         assert_eq!(planes.emission, brightest);
         for half in &planes.indirect {
             // Column-major: cluster 0 has pixels 0, 1 of each channel, then cluster 1.

@@ -38,7 +38,7 @@ pub(super) fn measure(paths: &Paths<'_>) -> Vec<f32> {
         let (mut sums, mut planes) = (PixelSums::new(columns), PlaneSums::new(&clusters, &[]));
         for path in begin..begin + AT_ONCE {
             let sampler = Sampler::new(SEED, u64::from(path), 0);
-            trace_sample(paths, pixel(path, size), 0, &sampler, (&mut sums, Some(&mut planes)));
+            trace_sample(paths, pixel(path, size), 0, &sampler, &mut sums, Some(&mut planes));
         }
         let mut add = |which: usize, column: usize, sum: Vec3| {
             let sum = f64::from(sum.x + sum.y + sum.z);

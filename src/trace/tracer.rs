@@ -208,9 +208,8 @@ impl Tracer {
         }
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
-        let mut noise = (spp > 1).then(|| {
-            NoiseSums::new((rect.rows(), columns), (&self.probes_of_column, self.probes), &self.column_factors)
-        });
+        let mut noise = (spp > 1)
+            .then(|| NoiseSums::new((rect.rows(), columns), &self.probes_of_column, self.probes, &self.column_factors));
         let mut planes = (spp > 1).then(|| target.planes.take().unwrap_or_default());
         let mut plane_sums = planes.as_mut().map(|planes| {
             planes::begin(planes, &self.clusters, pixels);
@@ -225,7 +224,7 @@ impl Tracer {
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
                 self.trace_pixel((x, y), &mut sums, plane_sums.as_mut(), &mut stats);
                 let noise = noise.as_mut().zip(plane_sums.as_ref().map(PlaneSums::emission));
-                tile.take(&mut sums, noise, (run, pixel), samples);
+                tile.take(&mut sums, noise, run, pixel, samples);
                 if let (Some(planes), Some(sums)) = (&mut planes, &mut plane_sums) {
                     sums.take(planes, run, pixel, samples);
                 }
@@ -295,8 +294,7 @@ impl pulp::NullaryFnOnce for Pixel<'_, '_> {
         let paths = Paths { world, photons, max_depth };
         for sample in 0..samples_per_pixel {
             let sampler = Sampler::new(seed, key, sample);
-            let into = (&mut *self.sums, self.planes.as_deref_mut());
-            let cost = trace_sample(&paths, self.at, sample, &sampler, into);
+            let cost = trace_sample(&paths, self.at, sample, &sampler, self.sums, self.planes.as_deref_mut());
             self.stats.rays += cost.rays;
             self.stats.non_finite += cost.non_finite;
         }

@@ -98,7 +98,8 @@ impl Chunk {
         counts: [usize; 3],
         side: &[u8],
         low_bits: &[u8],
-        (values, is_long): (&[u8], bool),
+        values: &[u8],
+        is_long: bool,
     ) -> Vec<u8> {
         let mut bytes = vec![coding];
         let lengths = [side.len() * 2 + usize::from(is_long), low_bits.len()];
@@ -150,7 +151,7 @@ mod tests {
     #[test]
     fn a_start_is_read_as_it_was_written() {
         for coding in [CODING_APART, CODING_BANDS] {
-            let bytes = Chunk::write(coding, [2, 300, 70_000], &[1; 200], &[2; 5], (&[3; 40], true));
+            let bytes = Chunk::write(coding, [2, 300, 70_000], &[1; 200], &[2; 5], &[3; 40], true);
             let chunk = Chunk::parse(&bytes).unwrap();
             assert_eq!((chunk.coding, chunk.shared, chunk.rank, chunk.sparse_entries), (coding, 2, 300, 70_000));
             assert!(bytes[chunk.side.clone()] == [1; 200] && bytes[chunk.low_bits.clone()] == [2; 5]);

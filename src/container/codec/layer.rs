@@ -72,7 +72,7 @@ pub fn encode_layer(
     let (values, is_long, low_bits) = if rank > 0 { values.finish() } else { Default::default() };
     let streams = side.len() + low_bits.len() + values.len();
     side.resize(side.len() + (rank * MIN_COMPONENT_BYTES).saturating_sub(streams), 0);
-    Ok(Chunk::write(coding, [part.shared, rank, block.sparse.len()], &side, &low_bits, (&values, is_long)))
+    Ok(Chunk::write(coding, [part.shared, rank, block.sparse.len()], &side, &low_bits, &values, is_long))
 }
 
 /// The step for sparse values that fits the steps of the factors.

@@ -52,16 +52,17 @@ pub(in crate::image) fn read_lines(
     let sampled = read_meta(path)?;
     if sampled.headers.iter().any(is_subsampled) {
         let file = FullySampled::new(open_input(path, "open")?).map_err(Error::io(path, "read"))?;
-        return read_from(BufReader::new(file), &sampled, (path, counts), wanted, take);
+        return read_from(BufReader::new(file), &sampled, path, counts, wanted, take);
     }
-    read_from(BufReader::new(open_input(path, "open")?), &sampled, (path, counts), wanted, take)
+    read_from(BufReader::new(open_input(path, "open")?), &sampled, path, counts, wanted, take)
 }
 
 /// See [`read_lines`]; `sampled` has the samplings of the channels, and which parts and channels there are.
 fn read_from(
     file: impl Read + Seek,
     sampled: &MetaData,
-    (path, counts): (&Path, &[usize]),
+    path: &Path,
+    counts: &[usize],
     wanted: &dyn Fn(ChannelPlace) -> bool,
     take: &mut dyn FnMut(ExrLine<'_>) -> Result<()>,
 ) -> Result<()> {

@@ -265,7 +265,8 @@ fn read_names(reader: &mut dyn Read, count: usize) -> Result<Vec<String>, String
     let bytes_each = points.map(|n| 4 * n).or(bytes);
     let bytes_each = bytes_each.ok_or_else(|| format!("its names are of the type {}", descr.escape_debug()))?;
     if shape != [count as u64] {
-        return Err(format!("it holds {count} images, but its names have the shape {shape:?}"));
+        let shape: Vec<String> = shape.iter().map(u64::to_string).collect();
+        return Err(format!("it holds {count} images, but its names have the shape ({})", shape.join(", ")));
     }
     let mut names = Vec::new();
     let mut stored = vec![0; bytes_each];

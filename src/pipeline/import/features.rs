@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use crate::error::Result;
 use crate::image::{FeaturePasses, LightRow};
 use crate::matrix::{CHANNELS, FEATURE_PLANES, Feature, PixelRect};
-use crate::pipeline::row_spill::RowSpill;
+use crate::pipeline::row_spill::{RowPlace, RowSpill};
 use crate::resources::Threads;
 
 /// Images of one rendering: albedo, normal, depth.
@@ -49,7 +49,10 @@ impl ImportedFeatures {
                 has[rendering][row.image] = true;
                 // Values that are not finite count as not visible.
                 let values: Vec<f32> = row.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect();
-                rows.write((rendering * IMAGES + row.image, row.channel, row.y), row.x, &values)
+                rows.write(
+                    RowPlace { image: rendering * IMAGES + row.image, channel: row.channel, y: row.y, x: row.x },
+                    &values,
+                )
             };
             Threads::new(threads)?.run(|| passes.read(&mut take))?;
         }
@@ -64,7 +67,7 @@ impl ImportedFeatures {
         let mut row = vec![0.0; self.size.0];
         for image in 0..2 * IMAGES {
             for (channel, y) in (0..CHANNELS).flat_map(|channel| (0..self.size.1).map(move |y| (channel, y))) {
-                self.rows.read((image, channel, y), 0, &mut row)?;
+                self.rows.read(RowPlace { image, channel, y, x: 0 }, &mut row)?;
                 content.update(bytemuck::cast_slice(&row));
             }
         }
@@ -106,8 +109,8 @@ impl ImportedFeatures {
                     continue;
                 }
                 for (y, row) in plane.chunks_exact_mut(rect.width as usize).enumerate() {
-                    let place = (rendering * IMAGES + image, channel, rect.y as usize + y);
-                    self.rows.read(place, rect.x as usize, row)?;
+                    let (image, y, x) = (rendering * IMAGES + image, rect.y as usize + y, rect.x as usize);
+                    self.rows.read(RowPlace { image, channel, y, x }, row)?;
                 }
             }
         }

@@ -10,10 +10,10 @@ mod noise_estimate;
 use self::features::ImportedFeatures;
 use self::noise_estimate::{Inside, add_noise};
 use super::column_scales;
-use super::row_spill::RowSpill;
+use super::row_spill::{RowPlace, RowSpill};
 use super::{PackOptions, pack};
 use crate::block_records::files_of_pack;
-use crate::compress::Compressor;
+use crate::compress::CompressorPlan;
 use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
 use crate::light::{
@@ -252,11 +252,11 @@ impl ImportedMatrix {
             for y in 0..set.height as usize {
                 for channel in 0..CHANNELS {
                     if set.has_sum {
-                        rows.read((lights, channel, y), 0, &mut rest)?;
+                        rows.read(RowPlace { image: lights, channel, y, x: 0 }, &mut rest)?;
                         squared_sum += squares(&rest);
                     }
                     for (light, size) in sizes[..lights].iter_mut().enumerate() {
-                        rows.read((light, channel, y), 0, &mut row)?;
+                        rows.read(RowPlace { image: light, channel, y, x: 0 }, &mut row)?;
                         content.update(bytemuck::cast_slice(&row));
                         if rendering == 0 {
                             *size += column_scales::sizes(&row);
@@ -270,7 +270,7 @@ impl ImportedMatrix {
                         if rendering == 0 {
                             sizes[lights] += column_scales::sizes(&rest);
                         }
-                        rows.write((lights, channel, y), 0, &rest)?;
+                        rows.write(RowPlace { image: lights, channel, y, x: 0 }, &rest)?;
                     }
                     rest.fill(0.0);
                     sums.end_row();
@@ -319,14 +319,15 @@ impl ImportedMatrix {
         for (light, column) in entries.chunks_exact_mut(rect.rows()).enumerate() {
             for (row, piece) in column.chunks_exact_mut(width).enumerate() {
                 let (channel, y) = (row / height, rect.y as usize + row % height);
-                rows.read((light, channel, y), rect.x as usize, piece)?;
+                rows.read(RowPlace { image: light, channel, y, x: rect.x as usize }, piece)?;
             }
         }
         Ok(())
     }
 
-    /// Adds the noise of a block. With two renderings the block becomes their mean.
-    fn add_noise(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), target: &mut TracedBlock) -> Result<()> {
+    /// Tells the noise of a block. Of two renderings it becomes the mean.
+    fn add_noise(&self, known: &KnownNoise, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let rect = self.job.shape.rect(id);
         let (rows, columns) = (rect.rows(), self.job.shape.columns());
         let (first, other) = match &known.second {
             Some(second) => {
@@ -338,8 +339,8 @@ impl ImportedMatrix {
                 (first, other)
             }
             None => {
-                let mut more = self.with_grain(known, (id, rect), target.block.entries())?;
-                // Planes hold no negative light: noise above the light itself would brighten the mean of the two.
+                let mut more = self.with_grain(known, id, target.block.entries())?;
+                // Planes hold no light below 0: noise above the light itself would brighten the mean of the two.
                 let bound =
                     |(more, &entry): (&mut f32, &f32)| *more = more.clamp(entry.min(0.0) * 2.0, entry.max(0.0) * 2.0);
                 more.iter_mut().zip(target.block.entries()).for_each(bound);
@@ -372,8 +373,9 @@ impl ImportedMatrix {
         Ok(())
     }
 
-    /// The entries of a block with the estimated noise added.
-    fn with_grain(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), entries: &[f32]) -> Result<Vec<f32>> {
+    /// These entries of a block, each with what may be its noise.
+    fn with_grain(&self, known: &KnownNoise, id: BlockId, entries: &[f32]) -> Result<Vec<f32>> {
+        let rect = self.job.shape.rect(id);
         let (left, top) = (rect.x.min(1), rect.y.min(1));
         let grown = |at: u32, before: u32, size: u32, end: u32| (size + before + 1).min(end - (at - before));
         let around = PixelRect {
@@ -393,7 +395,7 @@ impl ImportedMatrix {
         let columns = entries.chunks_exact_mut(rect.rows()).zip(neighbours.chunks_exact(around.rows()));
         for (column, (entries, neighbours)) in columns.enumerate() {
             let seed = u64::from(id.0) << 32 | column as u64;
-            add_noise(entries, (neighbours, albedo), inside, seed);
+            add_noise(entries, neighbours, albedo, inside, seed);
         }
         Ok(entries)
     }
@@ -479,7 +481,7 @@ fn spill_rows(
         looks[row.image].add(row.values);
         let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
         watch.advance(done as u64, size_of_val(row.values) as u64, "B");
-        rows.write((row.image, row.channel, row.y), row.x, row.values)
+        rows.write(RowPlace { image: row.image, channel: row.channel, y: row.y, x: row.x }, row.values)
     };
     let result = Threads::new(threads)?.run(|| set.read(&mut take));
     watch.end();
@@ -516,8 +518,8 @@ fn packing_need(
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
     let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
     let options = options.for_source(is_noise_known && can_be_cleaned(&job));
-    let compressor = Compressor::new(&job.basis, shape, options.compress.clone())?;
-    let need = pack::need_of(&compressor, shape, ResourceEstimate::default(), options.denoise.then_some(&job));
+    let plan = CompressorPlan::new(&job.basis, shape, options.compress.clone())?;
+    let need = pack::need_of(&plan, shape, ResourceEstimate::default(), options.denoise.then_some(&job));
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }
@@ -564,7 +566,7 @@ impl BlockSource for ImportedMatrix {
         target.planes = None;
         self.read_entries(&self.rows, rect, target.block.entries_mut())?;
         match &self.known {
-            Some(known) => self.add_noise(known, (id, rect), target),
+            Some(known) => self.add_noise(known, id, target),
             None => Ok(()),
         }
     }

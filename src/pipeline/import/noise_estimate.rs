@@ -27,11 +27,10 @@ pub(super) struct Inside {
 /// Adds noise of the estimated size and a random sign to each pixel of an image. `around` are the image's three
 /// channels in the larger rectangle, one after the other; `albedo` likewise. `image` is in the inner rectangle.
 ///
-/// The size is the least difference, in four directions, to the mean of the two neighbours. An edge or a line along one
-/// of the directions has none; an isolated pixel has all of it. With `x + n` and `x − n` the risk of a filter follows
-/// as from two renderings, since a filter treats random noise of that size as it treats the real noise (Ramani, Blu and
-/// Unser 2008).
-pub(super) fn add_noise(image: &mut [f32], (around, albedo): (&[f32], &[f32]), inside: Inside, seed: u64) {
+/// The size is the least difference, in four directions, to the mean of the two pixels beside it: an edge or a line along one of the
+/// directions has none, a pixel that stands alone has all. With `x + n` and `x − n` a filter's risk follows as from two renderings,
+/// since what a filter does to noise, it does to random noise of that size (Ramani, Blu and Unser 2008).
+pub(super) fn add_noise(image: &mut [f32], around: &[f32], albedo: &[f32], inside: Inside, seed: u64) {
     let Inside { size: (width, height), at: (left, top), around: (across, down) } = inside;
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let under = |channel: usize, pixel: usize| albedo[channel * across * down + pixel].max(MIN_ALBEDO);
@@ -70,7 +69,7 @@ mod tests {
     fn grain_of(image: &[f32], albedo: &[f32]) -> Vec<f32> {
         let inside = Inside { size: (SIDE, SIDE), at: (0, 0), around: (SIDE, SIDE) };
         let mut grain = vec![0.0; image.len()];
-        add_noise(&mut grain, (image, albedo), inside, 7);
+        add_noise(&mut grain, image, albedo, inside, 7);
         grain
     }
 
@@ -140,7 +139,7 @@ mod tests {
         let around = cut(left - 1, top - 1, width + 2, height + 2);
         let inside = Inside { size: (width, height), at: (1, 1), around: (width + 2, height + 2) };
         let mut part = vec![0.0; CHANNELS * width * height];
-        add_noise(&mut part, (&around, &vec![1.0; around.len()]), inside, 9);
+        add_noise(&mut part, &around, &vec![1.0; around.len()], inside, 9);
         for (at, found) in part.iter().enumerate() {
             let (channel, pixel) = (at / (width * height), at % (width * height));
             let expected = whole[channel * PIXELS + (top + pixel / width) * SIDE + left + pixel % width];

@@ -1,60 +1,71 @@
 //! The first pass of a pack: each block becomes a candidate, of which the second pass keeps what the common slope allows.
 
-use std::path::PathBuf;
-
-use crate::block_records::{Records, stop_if_interrupted};
-use crate::compress::{Candidate, CandidateSummary, Compressor, Method, Residual};
+use crate::block_records::Records;
+use crate::compress::{Candidate, CandidateSummary, Compressor, CompressorPlan, Method, Residual};
 use crate::error::Result;
 use crate::matrix::{BlockId, TracedBlock};
-use crate::resources::Progress;
 
-/// Analyses blocks into records.
-pub(crate) struct Analysis {
-    pub(crate) compressor: Compressor,
-    /// Candidates with the residuals of their blocks.
-    pub(crate) records: Records,
-    /// Path of the result, for messages.
-    pub(crate) path: PathBuf,
+/// What the first pass does.
+pub(crate) enum FirstPass {
+    /// Analyses the blocks that are not analysed yet.
+    Analyse(Compressor),
+    /// Reads what an earlier run has made of all blocks.
+    Read(CompressorPlan),
 }
 
-impl Analysis {
-    /// The first pass over a block: its candidate and residual go to the records, unless they are there already.
-    pub(crate) fn analyse(
-        &self,
-        id: BlockId,
-        block: &mut TracedBlock,
-        (make, work_unit): (&(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync), &str),
-        watch: &dyn Progress,
-    ) -> Result<CandidateSummary> {
-        stop_if_interrupted(&self.path, watch)?;
-        let (summary, work) = self.take(id, block, make)?;
-        watch.advance(1, work, work_unit);
-        Ok(summary)
+impl FirstPass {
+    pub(crate) fn plan(&self) -> &CompressorPlan {
+        match self {
+            Self::Analyse(compressor) => compressor.plan(),
+            Self::Read(plan) => plan,
+        }
     }
 
-    /// [`analyse`](Self::analyse), which also returns the amount of work.
+    pub(crate) fn into_plan(self) -> CompressorPlan {
+        match self {
+            Self::Analyse(compressor) => compressor.into_plan(),
+            Self::Read(plan) => plan,
+        }
+    }
+}
+
+/// Analysed blocks.
+pub(crate) struct Analysed {
+    /// Candidates with what they lack of their blocks.
+    pub(crate) records: Records,
+}
+
+impl Analysed {
+    /// The first pass over a block: its candidate and what that lacks of it go to the records, if they are not there. Gives the
+    /// work that making the block was, 0 where it was not made.
     pub(crate) fn take(
         &self,
+        compressor: &Compressor,
         id: BlockId,
         block: &mut TracedBlock,
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
     ) -> Result<(CandidateSummary, u64)> {
         if self.records.has(id.0) {
-            return Ok((self.read(id)?.0.summary().clone(), 0));
+            return Ok((self.summary(id)?, 0));
         }
         let work = make(id, block)?;
         let seen = block.planes.as_ref().map_or(&[][..], |planes| &planes.emission);
-        let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
+        let (candidate, sums) = compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
         let mut bytes = candidate.to_bytes();
         let candidate_bytes = bytes.len() as u64;
-        let projected = self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
+        let projected = compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
         Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
         bytes.extend(candidate_bytes.to_le_bytes());
         self.records.append(id.0, &[&bytes])?;
         Ok((candidate.summary().clone(), work))
     }
 
-    /// Reads a candidate and its residual from the records.
+    /// What is known of an analysed block.
+    pub(crate) fn summary(&self, id: BlockId) -> Result<CandidateSummary> {
+        Ok(self.read(id)?.0.summary().clone())
+    }
+
+    /// A candidate and its residual, back from the records.
     pub(crate) fn read(&self, id: BlockId) -> Result<(Candidate, Residual)> {
         let bytes = self.records.read(id.0)?;
         let parts = || -> Result<_, String> {

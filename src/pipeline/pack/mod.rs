@@ -18,14 +18,14 @@ mod analysis;
 mod output;
 mod report;
 
-pub(crate) use self::analysis::Analysis;
+pub(crate) use self::analysis::{Analysed, FirstPass};
 pub use self::output::check_container_output;
 pub use self::report::{PackReport, ReplacedEntries, Shortfall};
 use super::column_scales;
 use crate::block_records::{Records, ShardSet, files_of_pack, open_spill, stop_if_interrupted};
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MAX_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor, Cut,
-    LightErrorSums, Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MAX_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, CompressorPlan,
+    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::codec::band_steps;
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
@@ -35,7 +35,7 @@ use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
 use crate::light::{DenoiseErrors, Job, StatedErrors};
 use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
-use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
+use crate::resources::{JobStage, PROGRAM_BYTES, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress};
 use crate::store;
 
@@ -139,23 +139,35 @@ pub fn pack(
         first.planes.is_some()
     };
     let need = ResourceEstimate { per_thread_bytes: reading, ..ResourceEstimate::default() };
-    let mut packing = Packing::begin(job, &source.variant()?, path, options, (need, has_planes), watch)?;
+    let variant = source.variant()?;
+    let of_blocks = PackSource { variant: &variant, need, has_planes };
+    let (mut packing, plan) = Packing::begin(job, of_blocks, path, options, watch)?;
     packing.measure_column_scales(source, watch)?;
-    packing.choose_globally(source, watch)?;
-    packing.ask_images(source, watch)?;
-    packing.run("reading", "B", watch, |id, block| {
+    let plan = packing.ask_images(plan, source, watch)?;
+    let first_pass = packing.choose_globally(plan, source, watch)?;
+    packing.run(first_pass, JobStage { name: "reading", work_unit: "B" }, watch, |id, block| {
         source.read_block(id, block)?;
         Ok(size_of_val(block.block.entries()) as u64)
     })
 }
 
-/// A pack whose resources were checked and whose files are open.
+/// Where the blocks of a pack come from.
+pub(crate) struct PackSource<'a> {
+    /// What tells them from other blocks of the same job: [`BlockSource::variant`].
+    pub(crate) variant: &'a [u8],
+    /// What making them for.
+    pub(crate) need: ResourceEstimate,
+    /// Whether they come with planes.
+    pub(crate) has_planes: bool,
+}
+
+/// A pack that has been admitted and whose files are open.
 pub(crate) struct Packing {
     begun: Instant,
     memory: PeakMemory,
     path: PathBuf,
     job: Job,
-    analysis: Analysis,
+    analysed: Analysed,
     writer: ContainerWriter,
     /// Hash of the job, its entries, and the settings.
     fingerprint: [u8; 32],
@@ -173,20 +185,19 @@ impl Packing {
     /// making them, and whether they come with planes.
     pub(crate) fn begin(
         job: &Job,
-        variant: &[u8],
+        source: PackSource<'_>,
         path: &Path,
         options: &PackOptions,
-        (source, has_planes): (ResourceEstimate, bool),
         watch: &dyn Progress,
-    ) -> Result<Self> {
+    ) -> Result<(Self, CompressorPlan)> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
-        let options = &options.for_source(has_planes);
+        let options = &options.for_source(source.has_planes);
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
-        let compressor = compressor_of(job, options)?;
+        let plan = plan_of(job, options)?;
         let basis = open_basis(options, job)?;
-        let mut need = need_of(&compressor, job.shape, source, options.denoise.then_some(job));
+        let mut need = need_of(&plan, job.shape, source.need, options.denoise.then_some(job));
         need.fixed_bytes += basis.as_ref().map_or(0, ExternalImages::needs_bytes);
-        need.fixed_bytes += if options.denoise { 0 } else { compressor.asking_needs_bytes(&job.basis) };
+        need.fixed_bytes += if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) };
         need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
         let overwrite = container.overwrite;
         // Before any message on memory and disk.
@@ -194,17 +205,17 @@ impl Packing {
         let there = files_of_pack(path);
         let there = there.each_ref().map(PathBuf::as_path);
         let threads = Threads::new(need.admit("packing", path, &there, options.memory_bytes, watch)?)?;
-        let fingerprint = options.fingerprint(job, variant, basis.as_ref());
+        let fingerprint = options.fingerprint(job, source.variant, basis.as_ref());
         let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
-        let analysis = Analysis { compressor, records: Records::File(spill), path: path.clone() };
-        Ok(Self {
+        let analysed = Analysed { records: Records::File(spill) };
+        let packing = Self {
             begun,
             memory,
             path,
             job,
-            analysis,
+            analysed,
             writer,
             fingerprint,
             denoise,
@@ -214,21 +225,28 @@ impl Packing {
             overwrite,
             allow_lost_lights: options.allow_lost_lights,
             threads,
-        })
+        };
+        Ok((packing, plan))
     }
 
     /// Packs the records that shards hold of all blocks.
     #[cfg(feature = "scene")]
-    pub(crate) fn run_shards(mut self, shards: ShardSet, watch: &dyn Progress) -> Result<PackReport> {
+    pub(crate) fn run_shards(
+        mut self,
+        compressor: crate::compress::Compressor,
+        shards: ShardSet,
+        watch: &dyn Progress,
+    ) -> Result<PackReport> {
+        let stage = JobStage { name: "reading shards", work_unit: "B" };
         let address = shards.address().to_owned();
         let absent =
             |id: BlockId, _: &mut TracedBlock| Err(Error::damaged(&address, format!("{id} is missing"), "merge again"));
         if self.denoise {
-            return self.run_cleaned(Some(shards), ("reading shards", "B"), watch, absent);
+            return self.run_cleaned(compressor.into_plan(), Some(shards), stage, watch, absent);
         }
-        let own = std::mem::replace(&mut self.analysis.records, Records::Shards(shards));
+        let own = std::mem::replace(&mut self.analysed.records, Records::Shards(shards));
         own.remove()?;
-        self.compress("reading shards", "B", watch, absent)
+        self.compress(FirstPass::Analyse(compressor), stage, watch, absent)
     }
 
     /// Sets scales of columns that were measured after the start, see
@@ -254,38 +272,51 @@ impl Packing {
         Ok(())
     }
 
-    /// For a global scope: reads the matrix, as often as the method needs, to choose rows and columns.
-    fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
-        let passes = u64::from(self.analysis.compressor.global_passes());
-        if passes == 0 || self.job.shape.blocks().all(|id| self.analysis.records.has(id.0)) {
-            return Ok(());
+    /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
+    fn choose_globally(
+        &self,
+        plan: CompressorPlan,
+        source: &dyn BlockSource,
+        watch: &dyn Progress,
+    ) -> Result<FirstPass> {
+        let passes = u64::from(plan.global_passes());
+        if passes == 0 {
+            return Ok(FirstPass::Analyse(plan.for_blocks()?));
+        }
+        if self.job.shape.blocks().all(|id| self.analysed.records.has(id.0)) {
+            return Ok(FirstPass::Read(plan));
         }
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
         let source = Watched { source, watch, path: &self.path, scales: self.job.basis.column_scales() };
-        let done = self.threads.run(|| self.analysis.compressor.choose_globally(&source));
+        let chosen = self.threads.run(|| plan.choose_globally(&source));
         watch.end();
-        done
+        Ok(FirstPass::Analyse(chosen?))
     }
 
-    /// Estimates the similarity of lights from their images, if the light positions are unknown.
-    fn ask_images(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
-        let blocks = self.analysis.compressor.blocks_asked(&self.job.basis);
+    /// Where nothing tells how lights stand to each other: looks which are alike.
+    fn ask_images(
+        &self,
+        plan: CompressorPlan,
+        source: &dyn BlockSource,
+        watch: &dyn Progress,
+    ) -> Result<CompressorPlan> {
+        let blocks = plan.blocks_asked(&self.job.basis);
         if self.denoise || blocks == 0 {
-            return Ok(());
+            return Ok(plan);
         }
         watch.begin("looking which lights are alike", blocks, "blocks");
         let source = Watched { source, watch, path: &self.path, scales: self.job.basis.column_scales() };
-        let done = self.threads.run(|| self.analysis.compressor.ask_images(&self.job.basis, &source));
+        let asked = self.threads.run(|| plan.ask_images(&self.job.basis, &source));
         watch.end();
-        done
+        asked
     }
 
     /// Denoises the blocks if asked for, and compresses them. `make` fills a block and returns the amount of work, in
     /// `work_unit`.
     pub(crate) fn run(
         self,
-        stage: &str,
-        work_unit: &str,
+        first_pass: FirstPass,
+        stage: JobStage<'_>,
         watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
@@ -296,22 +327,24 @@ impl Packing {
             Ok(work)
         };
         if !self.denoise {
-            return self.compress(&format!("{stage} and analysing"), work_unit, watch, make);
+            let name = format!("{} and analysing", stage.name);
+            return self.compress(first_pass, JobStage { name: &name, ..stage }, watch, make);
         }
-        self.run_cleaned(None, (stage, work_unit), watch, make)
+        self.run_cleaned(first_pass.into_plan(), None, stage, watch, make)
     }
 
     /// Denoises blocks, whose planes come from `shards` or are gathered from what `make` makes, and compresses them.
     fn run_cleaned(
         mut self,
+        plan: CompressorPlan,
         shards: Option<ShardSet>,
-        (stage, work_unit): (&str, &str),
+        stage: JobStage<'_>,
         watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         // From here on columns are divided by their scales.
         let mut cleaned = DenoisedSource::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
-        let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
+        let blocks_kept = cleaned.gather(&self.threads, stage, watch, make)?;
         match &self.basis {
             Some(basis) => cleaned.take(basis, watch)?,
             None => cleaned.filter(&self.threads, watch)?,
@@ -319,8 +352,9 @@ impl Packing {
         cleaned.fit(watch)?;
         self.cleaning = cleaned.errors()?;
         let shares = cleaned.shares_of_lights(&self.job.basis)?;
-        self.analysis.compressor = self.analysis.compressor.for_lights_alone(&self.job.basis, &shares);
-        let packed = self.compress("analysing", "B", watch, |id, block| {
+        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &shares).for_blocks()?);
+        let stage = JobStage { name: "analysing", work_unit: "B" };
+        let packed = self.compress(first_pass, stage, watch, |id, block| {
             cleaned.read_block(id, block)?;
             Ok(size_of_val(block.block.entries()) as u64)
         })?;
@@ -331,26 +365,34 @@ impl Packing {
     /// Both passes over blocks as they are to be stored.
     fn compress(
         mut self,
-        stage: &str,
-        work_unit: &str,
+        first_pass: FirstPass,
+        stage: JobStage<'_>,
         watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
-        let blocks_kept = blocks.iter().filter(|&&id| self.analysis.records.has(id.0)).count() as u64;
-        if blocks_kept > 0 && matches!(self.analysis.records, Records::File(_)) {
+        let blocks_kept = blocks.iter().filter(|&&id| self.analysed.records.has(id.0)).count() as u64;
+        if blocks_kept > 0 && matches!(self.analysed.records, Records::File(_)) {
             watch.note(&format!("{}: continuing, {blocks_kept} blocks are analysed", self.path.display()));
         }
-        watch.begin(stage, blocks.len() as u64, "blocks");
-        let analyse =
-            |block: &mut TracedBlock, &id: &BlockId| self.analysis.analyse(id, block, (&make, work_unit), watch);
+        watch.begin(stage.name, blocks.len() as u64, "blocks");
+        let analyse = |block: &mut TracedBlock, &id: &BlockId| {
+            stop_if_interrupted(&self.path, watch)?;
+            let (summary, work) = match &first_pass {
+                FirstPass::Analyse(compressor) => self.analysed.take(compressor, id, block, &make)?,
+                FirstPass::Read(_) => (self.analysed.summary(id)?, 0),
+            };
+            watch.advance(1, work, stage.work_unit);
+            Ok(summary)
+        };
         let analysed = self
             .threads
             .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
         watch.end();
         let analysed = analysed?;
-        let band_steps = self.right_band_steps();
-        let cut = self.choose(&analysed, &band_steps)?;
+        let plan = first_pass.plan();
+        let band_steps = self.right_band_steps(plan);
+        let cut = self.choose(plan, &analysed, &band_steps)?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);
         if replaced.count() > 0 {
             watch.note(&format!("{}: {replaced}", self.path.display()));
@@ -360,13 +402,13 @@ impl Packing {
         drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
-        let store = |&id: &BlockId| self.store(id, (&cut, &band_steps), &lights, watch);
+        let store = |&id: &BlockId| self.store(id, &cut, &band_steps, &lights, watch);
         let stored = self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
         let stored = stored?;
         let lossy_lights = lights.lossy_lights(&self.job.basis);
-        // Replaced entries are no light, and a fixed rank accepts its loss.
-        let asked = replaced.count() > 0 || self.analysis.compressor.settings().has_fixed_rank();
+        // What was replaced is no light, and who gives a rank has said what it may cost.
+        let asked = replaced.count() > 0 || plan.settings().has_fixed_rank();
         let refuses = !(self.allow_lost_lights || asked);
         if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && refuses) {
             let problem = format!("{lost}: it is not written");
@@ -376,10 +418,10 @@ impl Packing {
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
         self.writer.state_errors(StatedErrors { lights: Some(lights), cleaning: self.cleaning, exposed });
         let summary = self.writer.finish()?;
-        self.analysis.records.remove()?;
+        self.analysed.records.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
         let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
-        let target = self.analysis.compressor.settings().target;
+        let target = plan.settings().target;
         let is_reached = match target {
             // The total of all blocks was estimated from a sample.
             Target::Bytes(bytes) => summary.file_bytes <= bytes,
@@ -409,26 +451,26 @@ impl Packing {
         })
     }
 
-    /// Step refinement of the bands of right factors, by the effect of their errors under the prior. A fixed rank has
-    /// no steps to refine.
-    fn right_band_steps(&self) -> Arc<[i8]> {
-        let compressor = &self.analysis.compressor;
-        if compressor.settings().has_fixed_rank() {
+    /// How much finer bands of right sides are stored: by what their errors do to the lightings of the prior. Where a rank is given there
+    /// are no steps that they could be finer than.
+    fn right_band_steps(&self, plan: &CompressorPlan) -> Arc<[i8]> {
+        if plan.settings().has_fixed_rank() {
             return Arc::default();
         }
-        band_steps(&LightLayout::of(&self.job.basis), compressor.prior()).into()
+        band_steps(&LightLayout::of(&self.job.basis), plan.prior()).into()
     }
 
     /// The second pass over a block: cuts its candidate, writes it, and adds its errors to `lights`.
     fn store(
         &self,
         id: BlockId,
-        (cut, band_steps): (&Cut, &Arc<[i8]>),
+        cut: &Cut,
+        band_steps: &Arc<[i8]>,
         lights: &LightErrorSums,
         watch: &dyn Progress,
     ) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
-        let (candidate, residual) = self.analysis.read(id)?;
+        let (candidate, residual) = self.analysed.read(id)?;
         let factored = kept_of(&candidate, cut, band_steps);
         let encoded = self.writer.encode_divided(id, &factored)?;
         let stored = self.writer.decode(id, &encoded)?;
@@ -446,10 +488,10 @@ impl Packing {
         Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
     }
 
-    /// The cut for the target. For a number of bytes, the one with the largest file that fits.
-    fn choose(&self, analysed: &[CandidateSummary], band_steps: &Arc<[i8]>) -> Result<Cut> {
-        let cut = self.analysis.compressor.choose(analysed.iter());
-        match self.analysis.compressor.settings().target {
+    /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
+    fn choose(&self, plan: &CompressorPlan, analysed: &[CandidateSummary], band_steps: &Arc<[i8]>) -> Result<Cut> {
+        let cut = plan.choose(analysed.iter());
+        match plan.settings().target {
             Target::Bytes(bytes) if cut.slope > 0.0 => {
                 self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut, band_steps)))
             }
@@ -463,7 +505,7 @@ impl Packing {
         let sample: Vec<BlockId> =
             (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
         let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode_divided(id, &kept_of(&self.analysis.read(id)?.0, cut, band_steps))?.size();
+            let size = self.writer.encode_divided(id, &kept_of(&self.analysed.read(id)?.0, cut, band_steps))?.size();
             Ok((size.bytes(), size.layer_bytes.len()))
         };
         let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
@@ -483,14 +525,14 @@ fn kept_of(candidate: &Candidate, cut: &Cut, band_steps: &Arc<[i8]>) -> Factored
 /// the image if columns are divided by their scales; denoising a matrix measures the shares.
 ///
 /// # Errors
-/// Those of [`Compressor::new`].
-pub(crate) fn compressor_of(job: &Job, options: &PackOptions) -> Result<Compressor> {
-    let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
-    if compressor.asks_images(&job.basis) {
-        return Ok(compressor);
+/// Those of [`CompressorPlan::new`].
+pub(crate) fn plan_of(job: &Job, options: &PackOptions) -> Result<CompressorPlan> {
+    let plan = CompressorPlan::new(&job.basis, job.shape, options.compress.clone())?;
+    if plan.asks_images(&job.basis) {
+        return Ok(plan);
     }
     let lights = job.basis.lights().len();
-    Ok(compressor.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
+    Ok(plan.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
 }
 
 /// The images denoised by another program that the options name.
@@ -531,25 +573,24 @@ impl BlockSource for Watched<'_> {
 /// Resources of packing a matrix of this shape, or of the job that is denoised (`cleaned`). `source` is for making its
 /// blocks.
 pub(crate) fn need_of(
-    compressor: &Compressor,
+    plan: &CompressorPlan,
     shape: MatrixShape,
     source: ResourceEstimate,
     cleaned: Option<&Job>,
 ) -> ResourceEstimate {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
-    let candidate =
-        compressor.candidate_bytes() + Residual::max_bytes(rows, columns, compressor.candidate_bytes() / 16);
+    let candidate = plan.candidate_bytes() + Residual::max_bytes(rows, columns, plan.candidate_bytes() / 16);
     let block_bytes = rows * columns * 4;
-    // There may be fifty sparse entries in a row where a pixel sees only texels; usual is at most one.
-    let sparse = if compressor.settings().method == Method::Auto { rows } else { 0 };
-    let likely = compressor.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
-    // A fixed rank is stored completely, as 16-bit floats, in two places until the pack is done. By rate, only
-    // components worth their bits are kept: a fiftieth at the default target, a fourth without loss.
-    let fixed = compressor.settings().has_fixed_rank();
+    // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
+    let sparse = if plan.settings().method == Method::Auto { rows } else { 0 };
+    let likely = plan.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
+    // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
+    // bits: a fiftieth at the default target, a fourth where all is asked for.
+    let fixed = plan.settings().has_fixed_rank();
     let stored = if fixed { likely } else { likely / 4 };
-    // The analysis of a block; its candidate as values, encoded, and multiplied out in strips.
-    let compressing = compressor.needs_bytes() + 3 * candidate;
+    // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
+    let compressing = plan.needs_bytes() + 3 * candidate;
     let cleaning = match cleaned {
         Some(job) => DenoisedSource::need(job, source.per_thread_bytes, compressing),
         None => {
@@ -560,7 +601,7 @@ pub(crate) fn need_of(
         fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
             + 4096 * blocks
             + 48 * columns
-            + compressor.global_needs_bytes()
+            + plan.global_needs_bytes()
             + cleaning.fixed_bytes,
         per_thread_bytes: block_bytes + cleaning.per_thread_bytes,
         alone_bytes: cleaning.alone_bytes,

@@ -21,7 +21,7 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
     pub relative_l2: f64,
-    /// Errors of denoising, if images were denoised: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
+    /// Errors of denoising, if images were denoised: see [`denoise_errors_line`](crate::light::denoise_errors_line).
     pub cleaning: Option<DenoiseErrors>,
     /// The error of exposed images that was reached, if one was asked for.
     pub exposed: Option<ExposedError>,

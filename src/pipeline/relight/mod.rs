@@ -13,7 +13,7 @@ use self::gpu::OnGpu;
 #[cfg(not(feature = "gpu"))]
 use self::no_gpu::OnGpu;
 pub use self::passes::{PASSES, passes_need_bytes, relight_passes};
-use super::row_spill::RowSpill;
+use super::row_spill::{RowPlace, RowSpill};
 use super::unpack::safe_names;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
@@ -205,13 +205,13 @@ pub fn write_relit_layers(
         for (y, pixels) in image.pixels.chunks_exact(size.width).enumerate() {
             for channel in 0..CHANNELS {
                 row.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = pixel[channel]);
-                spill.write((index, channel, y), 0, &row)?;
+                spill.write(RowPlace { image: index, channel, y, x: 0 }, &row)?;
             }
         }
     }
     let names = safe_names(names.iter().map(String::as_str));
     image::write_exr_rows(path, true, &names, size, &mut |layer, channel, y, row| {
-        spill.read((layer, channel, y), 0, row)
+        spill.read(RowPlace { image: layer, channel, y, x: 0 }, row)
     })
 }
 

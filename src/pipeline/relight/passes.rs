@@ -36,7 +36,7 @@ pub fn relight_passes(
     let beside_bytes = options.beside_bytes + passes_need_bytes(shape);
     let total = relight_matrix(matrix, lighting, RelightOptions { beside_bytes, ..options })?;
     let basis = &matrix.job().basis;
-    let clusters = cluster_weights((&Clusters::of_basis(basis), basis.column_scales()), lighting);
+    let clusters = cluster_weights(&Clusters::of_basis(basis), basis.column_scales(), lighting);
     let mut images = PASSES.map(|_| LinearImage::black(shape.width(), shape.height()));
     let mut planes = BlockPlanes::default();
     for id in shape.blocks() {
@@ -71,8 +71,8 @@ fn index_in(rect: PixelRect, pixel: usize, shape: MatrixShape) -> usize {
     (rect.y as usize + down) * shape.width() as usize + rect.x as usize + across
 }
 
-/// Mean weight of the columns of each cluster. Cluster light is of columns divided by their scales.
-fn cluster_weights((clusters, scales): (&Clusters, &[f32]), lighting: &Lighting) -> Vec<[f32; CHANNELS]> {
+/// Mean weight of the columns of each cluster, whose light is of columns divided by their scales.
+fn cluster_weights(clusters: &Clusters, scales: &[f32], lighting: &Lighting) -> Vec<[f32; CHANNELS]> {
     let mut sums = vec![([0.0f64; CHANNELS], 0u32); clusters.count()];
     for (column, (&cluster, weight)) in clusters.of_column().iter().zip(lighting.weights()).enumerate() {
         let (sum, count) = &mut sums[usize::from(cluster)];

@@ -9,7 +9,8 @@ use super::{RenderReport, job_of, settings_of, tracer_of, tracing_need};
 use crate::compress::Scope;
 use crate::error::{Error, Result};
 use crate::files::folder_of;
-use crate::pipeline::{PackOptions, PackReport, Packing};
+use crate::pipeline::{FirstPass, PackOptions, PackReport, PackSource, Packing};
+use crate::resources::JobStage;
 use crate::resources::Progress;
 use crate::scene::LoadedScene;
 
@@ -33,12 +34,14 @@ pub fn render_packed(
     let mut job = job_of(&loaded)?;
     let settings = settings_of(&loaded);
     // One sample a pixel has no halves.
-    let source = (tracing_need(&loaded, &job), settings.samples_per_pixel > 1);
-    let mut packing = Packing::begin(&job, b"f32", path, options, source, watch)?;
+    let has_planes = settings.samples_per_pixel > 1;
+    let source = PackSource { variant: b"f32", need: tracing_need(&loaded, &job), has_planes };
+    let (mut packing, plan) = Packing::begin(&job, source, path, options, watch)?;
     let tracer = tracer_of(loaded, &mut job, Some(folder_of(path)), watch)?;
     packing.set_column_scales(tracer.column_scales())?;
     let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
-    let pack = packing.run("tracing", "rays", watch, |id, block| {
+    let stage = JobStage { name: "tracing", work_unit: "rays" };
+    let pack = packing.run(FirstPass::Analyse(plan.for_blocks()?), stage, watch, |id, block| {
         let stats = tracer.trace_block(id, block);
         rays.fetch_add(stats.rays, Ordering::Relaxed);
         non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);

@@ -12,7 +12,7 @@ mod source;
 pub use self::selection::Selection;
 use self::selection::{Selected, overlap};
 pub use self::source::{ColumnWeights, UnpackSource};
-use super::row_spill::RowSpill;
+use super::row_spill::{RowPlace, RowSpill};
 use crate::error::{Error, Hint, Result, Warning};
 use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::image::{self, ImageSize};
@@ -110,7 +110,7 @@ pub fn unpack_to_exr(
     let text = path.display().to_string();
     if text.contains("{light}") {
         let paths: Vec<PathBuf> = names.iter().map(|name| text.replace("{light}", name).into()).collect();
-        unpack_to_files(source, &selected, (path, &paths), options, watch)?;
+        unpack_to_files(source, &selected, path, &paths, options, watch)?;
         return Ok(paths);
     }
     check_output(path, options.overwrite)?;
@@ -124,8 +124,15 @@ pub fn unpack_to_exr(
     layers.extend(names.iter().map(|name| format!("ViewLayer.Combined_{name}")));
     let mut images = vec![(0..selected.lights.len()).collect()];
     images.extend((0..selected.lights.len()).map(|light| vec![light]));
-    let rows = relight_images(source, &selected, (&images, images.len()), path, options, watch)?;
-    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    let rows = relight_images(
+        source,
+        &selected,
+        LitImages { groups: &images, in_a_file: images.len() },
+        path,
+        options,
+        watch,
+    )?;
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read(RowPlace { image, channel, y, x: 0 }, row);
     image::write_exr_rows(path, options.overwrite, &layers, size_of_rect(selected.rect), &mut fetch)?;
     Ok(vec![path.to_owned()])
 }
@@ -135,7 +142,8 @@ pub fn unpack_to_exr(
 fn unpack_to_files(
     source: &dyn UnpackSource,
     selected: &Selected,
-    (pattern, paths): (&Path, &[PathBuf]),
+    pattern: &Path,
+    paths: &[PathBuf],
     options: &UnpackOptions,
     watch: &dyn Progress,
 ) -> Result<()> {
@@ -151,7 +159,7 @@ fn unpack_to_files(
         check_output(path, options.overwrite || begun.has(key))?;
     }
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-    let rows = relight_images(source, selected, (&images, 1), pattern, options, watch)?;
+    let rows = relight_images(source, selected, LitImages { groups: &images, in_a_file: 1 }, pattern, options, watch)?;
     watch.begin("writing images", paths.len() as u64, "images");
     let written = (0..).zip(paths).try_for_each(|(key, path)| {
         if watch.interrupted() {
@@ -162,7 +170,8 @@ fn unpack_to_files(
             // Before the file is renamed: an unrecorded file would count as someone else's.
             begun.append(key, &[])?;
         }
-        let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((key as usize, channel, y), 0, row);
+        let mut fetch =
+            |_, channel, y, row: &mut [f32]| rows.read(RowPlace { image: key as usize, channel, y, x: 0 }, row);
         image::write_exr_rows(path, overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)?;
         watch.advance(1, 1, "images");
         Ok(())
@@ -185,8 +194,8 @@ pub fn unpack_relit(
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
-    let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
-    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    let rows = relight_images(source, &selected, LitImages { groups: &images, in_a_file: 1 }, path, options, watch)?;
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read(RowPlace { image, channel, y, x: 0 }, row);
     image::write_exr_rows(path, options.overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)
 }
 
@@ -203,17 +212,25 @@ pub fn unpack_to_npy(
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-    let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
-    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    let rows = relight_images(source, &selected, LitImages { groups: &images, in_a_file: 1 }, path, options, watch)?;
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read(RowPlace { image, channel, y, x: 0 }, row);
     image::write_npy(path, options.overwrite, images.len(), size_of_rect(selected.rect), &mut fetch)
 }
 
-/// Relights each block under groups of lights (indices into the selection), and keeps the images on disk. The disk
-/// space for these, and for files of `layers` images each, is checked first.
+/// The images that are made.
+#[derive(Clone, Copy)]
+struct LitImages<'a> {
+    /// The lights of each, as indices into the selection.
+    groups: &'a [Vec<usize>],
+    /// Images that come into one file.
+    in_a_file: usize,
+}
+
+/// Lights each block under groups of lights and leaves the images on disk, once there is room for them, and for the files.
 fn relight_images(
     source: &dyn UnpackSource,
     selected: &Selected,
-    (groups, layers): (&[Vec<usize>], usize),
+    LitImages { groups, in_a_file }: LitImages<'_>,
     beside: &Path,
     options: &UnpackOptions,
     watch: &dyn Progress,
@@ -221,8 +238,8 @@ fn relight_images(
     let shape = source.job().shape;
     let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
     let size = size_of_rect(selected.rect);
-    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(layers, size);
-    // The images in between, and the files, which are no larger.
+    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(in_a_file, size);
+    // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
     let need = ResourceEstimate { fixed_bytes, per_thread_bytes, disk_bytes, ..ResourceEstimate::default() };
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
@@ -244,8 +261,9 @@ fn relight_images(
                 for y in part.y..part.y + part.height {
                     let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
                     let from = from + (part.x - rect.x) as usize;
-                    let place = (image, channel, (y - selected.rect.y) as usize);
-                    rows.write(place, (part.x - selected.rect.x) as usize, &lit[from..from + part.width as usize])?;
+                    let lit = &lit[from..from + part.width as usize];
+                    let (y, x) = ((y - selected.rect.y) as usize, (part.x - selected.rect.x) as usize);
+                    rows.write(RowPlace { image, channel, y, x }, lit)?;
                 }
             }
             Ok(())

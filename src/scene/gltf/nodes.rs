@@ -85,7 +85,7 @@ pub(super) fn walk<'a>(
         };
         let name = names.unique(name.map_or_else(|| format!("node {index}"), plain));
         let instances = match mesh.and(node.extension("EXT_mesh_gpu_instancing")?) {
-            Some(stated) => Some(instances(path, &stated, buffers, (&name, world), &mut names, memory)?),
+            Some(stated) => Some(instances(path, &stated, buffers, &name, world, &mut names, memory)?),
             None => None,
         };
         placed.push(Placed { node, name, world, mesh, light, instances });
@@ -134,7 +134,8 @@ fn instances(
     path: &Path,
     stated: &JsonItem<'_>,
     buffers: &Buffers<'_>,
-    (name, world): (&str, DMat4),
+    name: &str,
+    world: DMat4,
     names: &mut UniqueNames,
     memory: &mut MemoryBound,
 ) -> Result<Vec<(String, DMat4)>> {

@@ -128,7 +128,8 @@ impl LightSampler {
     pub(super) fn sample(
         &self,
         scene: &Scene,
-        (position, frame): (Vec3, &ShadingFrame),
+        position: Vec3,
+        frame: &ShadingFrame,
         chances: &LightPmf,
         pair: Vec2,
     ) -> Option<LightSample> {
@@ -366,7 +367,8 @@ mod tests {
             let pair = Vec2::new(random.random(), random.random());
             let bin = match world.lights.sample(
                 &world.scene,
-                (position, &shading),
+                position,
+                &shading,
                 &world.lights.chances(position, shading.z),
                 pair,
             ) {

@@ -98,10 +98,14 @@ impl PointLight {
 
     /// Emission found by a ray that leaves the scene along `direction`.
     pub(super) fn found(&self, direction: Vec3) -> Option<SeenLight> {
-        let PointEmitter::Sun { towards, angular_radius_radians } = self.emitter else { return None };
-        // The chord between unit vectors is exact where a cosine near 1 is not.
-        let inside = (direction - towards).length() <= 2.0 * (0.5 * angular_radius_radians).sin();
-        (self.is_disc() && inside).then(|| self.found_inside(angular_radius_radians))
+        match self.emitter {
+            PointEmitter::Sun { towards, angular_radius_radians } => {
+                // The chord between unit vectors is exact where a cosine near one is not.
+                let inside = (direction - towards).length() <= 2.0 * (0.5 * angular_radius_radians).sin();
+                (self.is_disc() && inside).then(|| self.found_inside(angular_radius_radians))
+            }
+            PointEmitter::Point { .. } | PointEmitter::Spot { .. } | PointEmitter::Ies { .. } => None,
+        }
     }
 
     fn found_inside(&self, radius: f32) -> SeenLight {

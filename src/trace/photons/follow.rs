@@ -17,7 +17,8 @@ pub(super) fn follow(
     world: &World,
     max_depth: u32,
     emitted: Emitted,
-    (sampler, share): (&Sampler, f32),
+    sampler: &Sampler,
+    share: f32,
     rays: &mut u64,
 ) -> Option<Photon> {
     let Emitted { mut origin, mut direction, column, mut power, density } = emitted;

@@ -41,8 +41,8 @@ use crate::matrix::CHANNELS;
 use crate::scene::Scene;
 use follow::follow;
 pub(super) use near::LANES;
-use near::{Disc, Near};
-use pages::{Items, Pages};
+use near::{Disc, Near, NearInFile};
+use pages::{Items, Pages, Place, WrittenPages};
 use radius::RadiusField;
 
 /// Photons emitted for each path of the image.
@@ -114,9 +114,22 @@ impl Map {
         size_of_val(&*self.leaves) + self.near.bytes()
     }
 
-    /// Moves the map to a file.
-    fn put(self, pages: &mut Pages) -> Result<Self> {
-        Ok(Self { leaves: pages.put(&self.leaves)?, near: self.near.put(pages)?, ..self })
+    /// The same in a file.
+    fn put(self, pages: &mut Pages) -> Result<MapInFile> {
+        Ok(MapInFile { count: self.count, leaves: pages.put(&self.leaves)?, near: self.near.put(pages)? })
+    }
+}
+
+/// A map in a file that is being written.
+struct MapInFile {
+    count: usize,
+    leaves: Place<Leaf>,
+    near: NearInFile,
+}
+
+impl MapInFile {
+    fn open(self, pages: &WrittenPages) -> Map {
+        Map { count: self.count, leaves: pages.items(self.leaves), near: self.near.open(pages) }
     }
 }
 
@@ -334,24 +347,29 @@ impl Photons {
             return Ok((None, PhotonCost::default()));
         };
         let numbers = Numbers::of(&world.scene, pixels, settings);
-        let (mut maps, mut places, mut rays, mut held, mut pages) = (Vec::new(), Vec::new(), 0, 0, None);
-        while maps.len() < numbers.maps as usize {
-            let some = maps.len() as u32..numbers.maps.min(maps.len() as u32 + AT_ONCE);
+        let (mut maps, mut places, mut rays, mut held) = (Vec::new(), Vec::new(), 0, 0);
+        let (mut pages, mut maps_in_file) = (None, Vec::new());
+        loop {
+            let made = (maps.len() + maps_in_file.len()) as u32;
+            if made >= numbers.maps {
+                break;
+            }
+            let some = made..numbers.maps.min(made + AT_ONCE);
             let count = some.len() as u32;
             let send = |map| send(world, &targets, map, numbers, settings);
             let (photons, of_each): (Vec<_>, Vec<u64>) = some.into_par_iter().map(send).unzip();
             rays += of_each.iter().sum::<u64>();
-            if maps.len() < FEW_MAPS as usize {
+            if made < FEW_MAPS {
                 places.extend(photons.iter().flatten().map(|photon| photon.position));
             }
             let sorted: Vec<Map> = photons.into_par_iter().map(Map::sort).collect();
             for map in sorted {
                 held += map.bytes();
-                maps.push(match &mut pages {
-                    None if held <= most_bytes => map,
-                    None => map.put(pages.insert(Pages::begin(sending.folder)?))?,
-                    Some(pages) => map.put(pages)?,
-                });
+                match &mut pages {
+                    None if held <= most_bytes => maps.push(map),
+                    None => maps_in_file.push(map.put(pages.insert(Pages::begin(sending.folder)?))?),
+                    Some(pages) => maps_in_file.push(map.put(pages)?),
+                }
             }
             if places.is_empty() {
                 break;
@@ -361,7 +379,8 @@ impl Photons {
             }
         }
         if let Some(pages) = pages {
-            pages.finish()?;
+            let pages = pages.finish()?;
+            maps.extend(maps_in_file.into_iter().map(|map| map.open(&pages)));
         }
         let sent = Numbers { maps: maps.len() as u32, ..numbers };
         let per_sample = f64::from(sent.maps) * f64::from(sent.per_light) / f64::from(settings.samples_per_pixel);
@@ -422,21 +441,22 @@ impl Photons {
         self.per_sample * std::f32::consts::PI * radius * radius
     }
 
-    /// MIS weight of a path that was scattered with density `spread` over projected solid angle, at a surface that
-    /// gathered within `radius`, and then hit light `source` by mirrors and glass only.
-    pub(super) fn weight_of_path(
-        &self,
-        world: &World,
-        source: u32,
-        hit: &EmitterHit,
-        (radius, spread): (f32, f32),
-    ) -> f32 {
+    /// Weight of a path that has found light `source` by mirrors and glass alone since it was scattered where photons were gathered.
+    pub(super) fn weight_of_path(&self, world: &World, source: u32, hit: &EmitterHit, at: GatheredWithin) -> f32 {
         let density = world.lights.emitted_density(&self.targets, source, hit);
-        power_heuristic(spread, self.expected_of(radius) * density)
+        power_heuristic(at.spread, self.expected_of(at.radius) * density)
     }
 }
 
-/// The photons of one map, and the number of rays traced for them.
+/// How photons were gathered at a surface.
+#[derive(Clone, Copy)]
+pub(super) struct GatheredWithin {
+    pub(super) radius: f32,
+    /// Density over projected solid angle with which the path goes on from there.
+    pub(super) spread: f32,
+}
+
+/// The photons of one map, and the rays that they took.
 fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: TraceSettings) -> (Vec<Photon>, u64) {
     let (mut rays, share) = (0, 1.0 / numbers.per_light as f32);
     let mut photons = Vec::with_capacity(numbers.per_light as usize * numbers.lights as usize);
@@ -446,7 +466,7 @@ fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: 
             // The complement of the seed, so that photons share no random numbers with pixels.
             let sampler = Sampler::new(!settings.seed, key, index << 1);
             let Some(emitted) = world.lights.emit(&world.scene, targets, light, &sampler) else { continue };
-            photons.extend(follow(world, settings.max_depth, emitted, (&sampler, share), &mut rays));
+            photons.extend(follow(world, settings.max_depth, emitted, &sampler, share, &mut rays));
         }
     }
     photons.shrink_to_fit();

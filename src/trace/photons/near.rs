@@ -9,7 +9,7 @@ use std::ops::Range;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::pages::{Items, Pages};
+use super::pages::{Items, Pages, Place, WrittenPages};
 use super::tree::part_at;
 use crate::error::Result;
 
@@ -59,6 +59,21 @@ pub(super) struct Near {
     levels: Vec<Items<Boxes>>,
 }
 
+/// The same in a file that is being written.
+#[derive(Debug)]
+pub(super) struct NearInFile {
+    leaves: Place<Leaf>,
+    levels: Vec<Place<Boxes>>,
+}
+
+impl NearInFile {
+    /// To be looked for in the file.
+    pub(super) fn open(self, pages: &WrittenPages) -> Near {
+        let levels = self.levels.into_iter().map(|level| pages.items(level)).collect();
+        Near { leaves: pages.items(self.leaves), levels }
+    }
+}
+
 const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 
 impl Near {
@@ -100,11 +115,11 @@ impl Near {
         size_of_val(&*self.leaves) + self.levels.iter().map(|level| size_of_val(&**level)).sum::<usize>()
     }
 
-    /// Moves the tree to a file.
-    pub(super) fn put(self, pages: &mut Pages) -> Result<Self> {
+    /// The same in a file.
+    pub(super) fn put(self, pages: &mut Pages) -> Result<NearInFile> {
         let leaves = pages.put(&self.leaves)?;
         let levels = self.levels.iter().map(|level| pages.put(level)).collect::<Result<_>>()?;
-        Ok(Self { leaves, levels })
+        Ok(NearInFile { leaves, levels })
     }
 
     /// Visits every leaf with points in the disc, in order: its index, the squared distances, and a mask.
@@ -150,7 +165,7 @@ impl Near {
                 waiting[level] = (node, mask);
                 level -= 1;
                 (node, mask) = (child, boxes_near(&levels[level][child]));
-                ahead((leaves, &levels), level, (node, mask), &each);
+                ahead(leaves, &levels, level, node, mask, &each);
                 continue;
             }
             let (distances, found) = points_near(&leaves[child]);
@@ -164,9 +179,11 @@ impl Near {
 /// Prefetches the children of the node that is visited next.
 #[inline(always)]
 fn ahead(
-    (leaves, levels): (&[Leaf], &[&[Boxes]; MAX_LEVELS]),
+    leaves: &[Leaf],
+    levels: &[&[Boxes]; MAX_LEVELS],
     level: usize,
-    (node, mut mask): (usize, u32),
+    node: usize,
+    mut mask: u32,
     each: &impl LeafVisitor,
 ) {
     while mask != 0 {

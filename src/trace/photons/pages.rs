@@ -5,7 +5,7 @@ use std::io::Write;
 use std::marker::PhantomData;
 use std::ops::{Deref, Range};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use bytemuck::Pod;
 use memmap2::Mmap;
@@ -16,7 +16,14 @@ use crate::error::{Error, Result};
 #[derive(Debug)]
 pub(super) enum Items<T> {
     Held(Vec<T>),
-    Paged { file: Arc<OnceLock<Mmap>>, bytes: Range<usize>, of: PhantomData<T> },
+    Paged { file: Arc<Mmap>, place: Place<T> },
+}
+
+/// Where items lie in the file.
+#[derive(Debug)]
+pub(super) struct Place<T> {
+    bytes: Range<usize>,
+    of: PhantomData<T>,
 }
 
 /// The file, while it is written.
@@ -25,7 +32,17 @@ pub(super) struct Pages {
     file: File,
     folder: PathBuf,
     length: usize,
-    map: Arc<OnceLock<Mmap>>,
+}
+
+/// The file, once it is written: it can be read.
+#[derive(Debug)]
+pub(super) struct WrittenPages(Arc<Mmap>);
+
+impl WrittenPages {
+    /// Items that were put into this file.
+    pub(super) fn items<T>(&self, place: Place<T>) -> Items<T> {
+        Items::Paged { file: Arc::clone(&self.0), place }
+    }
 }
 
 impl<T: Pod> Deref for Items<T> {
@@ -35,9 +52,7 @@ impl<T: Pod> Deref for Items<T> {
     fn deref(&self) -> &[T] {
         match self {
             Self::Held(items) => items,
-            Self::Paged { file, bytes, .. } => {
-                bytemuck::cast_slice(&file.get().expect("what was written is finished")[bytes.clone()])
-            }
+            Self::Paged { file, place } => bytemuck::cast_slice(&file[place.bytes.clone()]),
         }
     }
 }
@@ -54,29 +69,27 @@ impl Pages {
         let folder = folder.map_or_else(tempfile::env::temp_dir, Path::to_owned);
         let file = tempfile::tempfile_in(&folder);
         let file = file.map_err(Error::io(&folder, "create a temporary file for photons in the folder"))?;
-        Ok(Self { file, folder, length: 0, map: Arc::default() })
+        Ok(Self { file, folder, length: 0 })
     }
 
-    /// Moves items into the file, to be read once it is [finished](Self::finish). All items of a file have the same
-    /// alignment, so that the next ones start aligned.
-    pub(super) fn put<T: Pod>(&mut self, items: &[T]) -> Result<Items<T>> {
+    /// Moves items into the file, to be read once it is [finished](Self::finish). All items of a file have the same alignment, so that what
+    /// comes next begins where it may.
+    pub(super) fn put<T: Pod>(&mut self, items: &[T]) -> Result<Place<T>> {
         debug_assert!(self.length.is_multiple_of(align_of::<T>()));
         let bytes: &[u8] = bytemuck::cast_slice(items);
         let written = self.file.write_all(bytes);
         written.map_err(Error::io(&self.folder, "write a temporary file for photons in the folder"))?;
-        let place = self.length..self.length + bytes.len();
-        self.length = place.end;
-        Ok(Items::Paged { file: Arc::clone(&self.map), bytes: place, of: PhantomData })
+        let bytes = self.length..self.length + bytes.len();
+        self.length = bytes.end;
+        Ok(Place { bytes, of: PhantomData })
     }
 
-    /// Maps what was written for reading.
-    pub(super) fn finish(self) -> Result<()> {
+    /// Opens what was written for reading.
+    pub(super) fn finish(self) -> Result<WrittenPages> {
         #[expect(unsafe_code, reason = "a file that is larger than the memory is read where it lies")]
         // SAFETY: the file has no name, and nobody else has it.
         let map = unsafe { Mmap::map(&self.file) };
         let map = map.map_err(Error::io(&self.folder, "map a temporary file for photons in the folder"))?;
-        // It is mapped only here.
-        let _ = self.map.set(map);
-        Ok(())
+        Ok(WrittenPages(Arc::new(map)))
     }
 }

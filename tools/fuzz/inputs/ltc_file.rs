@@ -11,13 +11,15 @@ use std::sync::LazyLock;
 use ltm::container::ContainerReader;
 use ltm::matrix::FactorSource;
 
-/// A file of each coding, its metadata laid open so that changes in it are not stopped by its compression.
-pub(crate) static SOUND: LazyLock<[Vec<u8>; 4]> = LazyLock::new(|| {
-    let files: [&[u8]; 4] = [
+/// A file of each coding and version, its metadata laid open so that changes in it are not stopped by its compression.
+pub(crate) static SOUND: LazyLock<[Vec<u8>; 6]> = LazyLock::new(|| {
+    let files: [&[u8]; 6] = [
         include_bytes!("../../../formats/golden/v1.ltc"),
         include_bytes!("../../../formats/golden/v1-coding-2.ltc"),
         include_bytes!("../../../formats/golden/v1-coding-3.ltc"),
         include_bytes!("../../../formats/golden/v1-coding-4.ltc"),
+        include_bytes!("../../../formats/golden/v2.ltc"),
+        include_bytes!("../../../formats/golden/v2-column-scales.ltc"),
     ];
     files.map(laid_open)
 });
@@ -72,20 +74,22 @@ fn number(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes")) as usize
 }
 
-/// The file with its metadata unpacked.
+/// The file with its metadata unpacked. Before them stand, in version 1, the lengths of job and report, in version 2 the length of
+/// all sections, and then whether they are compressed.
 fn laid_open(file: &[u8]) -> Vec<u8> {
     let [metadata, blocks, _] = parts(file);
     let trailer = file.len() - ENDS;
-    let mut bytes = file[..metadata + 12].to_vec();
-    match number(file, metadata + 8) {
+    let lengths = if number(file, 8) == 1 { 8 } else { 4 };
+    let (flag, body) = (metadata + lengths, metadata + lengths + 4);
+    let mut bytes = file[..body].to_vec();
+    match number(file, flag) {
         1 => {
-            let unpacked = number(file, metadata) + number(file, metadata + 4);
-            let frame = &file[metadata + 12..blocks];
-            bytes.extend(zstd::bulk::decompress(frame, unpacked).expect("the file is sound"));
+            let unpacked = (metadata..flag).step_by(4).map(|at| number(file, at)).sum();
+            bytes.extend(zstd::bulk::decompress(&file[body..blocks], unpacked).expect("the file is sound"));
         }
-        _ => bytes.extend(&file[metadata + 12..blocks]),
+        _ => bytes.extend(&file[body..blocks]),
     }
-    bytes[metadata + 8] = 0;
+    bytes[flag] = 0;
     let metadata_bytes = (bytes.len() - metadata) as u32;
     bytes.extend(&file[blocks..]);
     let (end, length) = (bytes.len() - (file.len() - trailer), bytes.len() as u64);

@@ -10,13 +10,15 @@ use std::path::Path;
 use ltm::matrix::{BlockSource, TracedBlock};
 use ltm::store::{Storage, StoreReader, verify_storage};
 
-/// A file of each precision, of the same job, and one with planes of each version.
-pub(crate) const SOUND: [&[u8]; 5] = [
+/// A file of each precision, of the same job, one with planes of each version, and one with column scales.
+pub(crate) const SOUND: [&[u8]; 7] = [
     include_bytes!("../../../formats/golden/v1-f16.ltm"),
     include_bytes!("../../../formats/golden/v1-f32.ltm"),
     include_bytes!("../../../formats/golden/v1-bf16.ltm"),
     include_bytes!("../../../formats/golden/v2-f16.ltm"),
     include_bytes!("../../../formats/golden/v3-f16.ltm"),
+    include_bytes!("../../../formats/golden/v4-f16-planes.ltm"),
+    include_bytes!("../../../formats/golden/v4-f16-column-scales.ltm"),
 ];
 /// Offset of the commit table of these files, and blocks in them.
 pub(crate) const TABLE: usize = 8192;

@@ -38,9 +38,9 @@ impl Quantity {
 /// weights of 1. `metres_per_unit`: 0 where unknown; then what needs a length is left out.
 pub fn quantities(light: &Light, metres_per_unit: f32) -> Vec<(Quantity, f64)> {
     let lumens = f64::from(LUMENS_PER_WATT);
-    match (light.unit, light.kind) {
-        (LightUnit::Radiance, kind) if kind.is_environment() => vec![(Quantity::Luminance, lumens)],
-        (LightUnit::Radiance, _) => {
+    match light.unit {
+        LightUnit::Radiance if light.kind.is_environment() => vec![(Quantity::Luminance, lumens)],
+        LightUnit::Radiance => {
             let area = light.extents.iter().map(|v| f64::from(*v)).sum::<f64>() * f64::from(metres_per_unit).powi(2);
             let mut known = vec![(Quantity::Luminance, lumens)];
             // Lambert's emitter: Φ = π A L.
@@ -49,13 +49,26 @@ pub fn quantities(light: &Light, metres_per_unit: f32) -> Vec<(Quantity, f64)> {
             }
             known
         }
-        (LightUnit::Intensity, LightKind::Point) => {
-            let all_around = 4.0 * PI;
-            vec![(Quantity::Flux, all_around * lumens), (Quantity::Intensity, lumens), (Quantity::Power, all_around)]
-        }
-        (LightUnit::Intensity, _) => vec![(Quantity::Intensity, lumens)],
-        (LightUnit::Irradiance, _) => vec![(Quantity::Illuminance, lumens)],
-        (LightUnit::Multiple, _) => Vec::new(),
+        LightUnit::Intensity => match light.kind {
+            LightKind::Point => {
+                let all_around = 4.0 * PI;
+                vec![
+                    (Quantity::Flux, all_around * lumens),
+                    (Quantity::Intensity, lumens),
+                    (Quantity::Power, all_around),
+                ]
+            }
+            LightKind::Lamp
+            | LightKind::AreaTexels { .. }
+            | LightKind::LatLong { .. }
+            | LightKind::Octahedral { .. }
+            | LightKind::Spot
+            | LightKind::Sun
+            | LightKind::Ies
+            | LightKind::Image => vec![(Quantity::Intensity, lumens)],
+        },
+        LightUnit::Irradiance => vec![(Quantity::Illuminance, lumens)],
+        LightUnit::Multiple => Vec::new(),
     }
 }
 

@@ -11,7 +11,9 @@ pub fn position(camera: &Camera, light: &Light) -> Option<[f32; 2]> {
     let direction = match light.kind {
         LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Image => return None,
         LightKind::Sun => middle,
-        _ => middle - camera.eye,
+        LightKind::Lamp | LightKind::AreaTexels { .. } | LightKind::Point | LightKind::Spot | LightKind::Ies => {
+            middle - camera.eye
+        }
     };
     camera.position(direction.try_normalize()?).map(|at| at.to_array())
 }

@@ -94,7 +94,7 @@ pub(crate) fn run(options: &Info, console: &Console) -> Result<()> {
                 let mut json = job_json(path, matrix.job());
                 add_weights(&mut json, matrix.job(), options)?;
                 json["kind"] = "matrix".into();
-                json["precision"] = format!("{:?}", matrix.precision()).to_lowercase().into();
+                json["precision"] = matrix.precision().to_string().into();
                 json["planes"] = matrix.layout().has_planes().into();
                 json["committed_blocks"] = tally.committed.into();
                 json["damaged_records"] = tally.damaged.into();
@@ -103,7 +103,7 @@ pub(crate) fn run(options: &Info, console: &Console) -> Result<()> {
                 print_json(json);
             } else {
                 print_job(path, matrix.job());
-                say!("precision    {}", format!("{:?}", matrix.precision()).to_lowercase());
+                say!("precision    {}", matrix.precision());
                 let planes = if matrix.layout().has_planes() { "layers and features of its samples" } else { "none" };
                 say!("planes       {planes}");
                 say!("committed    {} of {} blocks", tally.committed, matrix.job().shape.block_count());
