@@ -1,4 +1,4 @@
-//! What stopped, killed and competing jobs leave behind: it is continued, refused or cleaned, and never taken for something else.
+//! What stopped, killed and competing jobs leave behind: it is continued, refused or denoised, and never taken for something else.
 
 use std::fs;
 use std::os::unix::fs::FileExt;
@@ -163,7 +163,7 @@ fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
 }
 
 #[test]
-fn what_a_pack_left_that_was_killed_after_its_last_step_is_cleaned() {
+fn what_a_pack_left_that_was_killed_after_its_last_step_is_denoised() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = render(&folder, Precision::F32);
     let (path, spill) = (folder.path().join("a.ltc"), folder.path().join("a.ltc.spill"));

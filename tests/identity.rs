@@ -5,7 +5,7 @@
 
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
-use ltm::denoise::{CleanedRegion, DENOISER_VERSION, Denoiser, FilterRadii, GuideStatistics, ImageRows, Pool, Region};
+use ltm::denoise::{DENOISER_VERSION, DenoisedRegion, Denoiser, FilterRadii, GuideStatistics, ImageRows, Pool, Region};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry, TracedBlock};
 use ltm::pipeline::job_of;
@@ -22,8 +22,8 @@ const KEPT: (u32, &[(usize, usize)]) =
 /// Version of the compressor, and the checksum of the bytes that given factors are encoded to.
 const ENCODED: (u32, &str) = (4, "248ea0a512b1e80b");
 
-/// Version of cleaning, and what it makes of some pixels of a given window.
-const CLEANED: (u32, [f32; 8]) = (18, [0.690_8, 0.600_2, 0.944_8, 0.950_5, 0.166_2, 0.558_8, 0.073_0, 0.664_6]);
+/// Version of denoising, and what it makes of some pixels of a given window.
+const DENOISED: (u32, [f32; 8]) = (18, [0.690_8, 0.600_2, 0.944_8, 0.950_5, 0.166_2, 0.558_8, 0.073_0, 0.664_6]);
 
 /// Two rooms that have between them texelled lights in view, an environment, glass and mirrors; and their blocks.
 fn rooms() -> [(Job, Vec<TracedBlock>); 2] {
@@ -90,7 +90,7 @@ fn what_is_kept_changes_only_with_the_compressors_version() {
 
 /// To a few ten thousandths, as sums of products are the machine's.
 #[test]
-fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
+fn what_images_are_denoised_to_changes_only_with_the_cleaners_version() {
     const SIZE: (usize, usize) = (24, 16);
     let rows = |planes| ImageRows::zeros(SIZE.0, SIZE.1, planes);
     let [mut direct_light, mut indirect_light] = [rows(12), rows(12)];
@@ -123,23 +123,23 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
     let (guides, pool) = (tally.guides(), Pool::default());
     let region = Region { x: 0..SIZE.0, y: 0..SIZE.1 };
-    let all = CleanedRegion { size: SIZE, block: SIZE.1, region, features: 10 };
-    let mut cleaning = Denoiser::new(all, FilterRadii::of_image(1, 1), &guides, &pool);
-    let wanted = cleaning.wants().unwrap();
-    for strip in cleaning.strips(&wanted, &[0]) {
+    let all = DenoisedRegion { size: SIZE, block: SIZE.1, region, features: 10 };
+    let mut denoising = Denoiser::new(all, FilterRadii::of_image(1, 1), &guides, &pool);
+    let wanted = denoising.wants().unwrap();
+    for strip in denoising.strips(&wanted, &[0]) {
         strip.direct.copy_from_slice(direct_light.values());
         strip.indirect.copy_from_slice(indirect_light.values());
         strip.features.copy_from_slice(seen.values());
         strip.feature_variance.copy_from_slice(seen_variance.values());
     }
-    let images = cleaning.clean(&wanted).images;
+    let images = denoising.denoise(&wanted).images;
     let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 5, 1), (5, 0, 16)];
     let found = at.map(|(plane, y, x)| images.row(plane, y)[x]);
-    let is_same = DENOISER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 2e-4);
+    let is_same = DENOISER_VERSION == DENOISED.0 && found.iter().zip(DENOISED.1).all(|(a, b)| (a - b).abs() < 2e-4);
     assert!(
         is_same,
-        "{DENOISER_VERSION}, {found:?}: what images are cleaned to has changed: raise DENOISER_VERSION in src/clean/mod.rs, \
-         and write the new pair into CLEANED"
+        "{DENOISER_VERSION}, {found:?}: what images are denoised to has changed: raise DENOISER_VERSION in src/denoise/mod.rs, \
+         and write the new pair into DENOISED"
     );
 }
 

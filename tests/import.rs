@@ -46,8 +46,8 @@ fn main() -> ExitCode {
         own("clamped_and_negative_images_are_warned_about", clamped_and_negative_images_are_warned_about),
         own("the_whole_need_is_said_before_images_are_read", the_whole_need_is_said_before_images_are_read),
         own("a_target_in_bytes_is_that_of_the_file", a_target_in_bytes_is_that_of_the_file),
-        own("two_renderings_are_cleaned_of_their_noise", two_renderings_are_cleaned),
-        own("one_rendering_is_cleaned_of_what_looks_like_noise", one_rendering_is_cleaned),
+        own("two_renderings_are_denoised_of_their_noise", two_renderings_are_denoised),
+        own("one_rendering_is_denoised_of_what_looks_like_noise", one_rendering_is_denoised),
         own("a_second_rendering_of_other_lights_is_refused", another_second_rendering),
         own("images_of_texels_are_one_light", images_of_texels),
         own("lights_of_an_array_are_placed_by_their_images", lights_by_their_images),
@@ -439,7 +439,7 @@ fn errors_before_and_after(matrix: &ImportedMatrix, output: &Path) -> (f64, f64)
     };
     let options = PackOptions { denoise: true, ..Default::default() };
     let report = pipeline::pack(matrix, matrix.job(), output, &options, &NoProgress).unwrap();
-    assert!(report.cleaning.is_some());
+    assert!(report.denoising.is_some());
     let container = ContainerReader::open(output).unwrap();
     let (mut before, mut after) = (0.0, 0.0);
     for (light, name) in names(matrix).iter().enumerate() {
@@ -451,7 +451,7 @@ fn errors_before_and_after(matrix: &ImportedMatrix, output: &Path) -> (f64, f64)
     (before, after)
 }
 
-fn two_renderings_are_cleaned() {
+fn two_renderings_are_denoised() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     for (seed, name) in ["a.exr", "b.exr"].into_iter().enumerate() {
@@ -467,12 +467,12 @@ fn two_renderings_are_cleaned() {
         assert!(matrix.warnings.is_empty(), "{:?}", matrix.warnings);
         errors_before_and_after(&matrix, &output)
     };
-    let ((raw, bare), (_, cleaned)) = (errors([None, None]), errors(passes.each_ref().map(Some)));
+    let ((raw, bare), (_, denoised)) = (errors([None, None]), errors(passes.each_ref().map(Some)));
     assert!(bare < raw / 2.0, "{bare} of {raw}: the images alone say much");
-    assert!(cleaned < bare / 2.0, "{cleaned} of {bare}: what is seen says more");
+    assert!(denoised < bare / 2.0, "{denoised} of {bare}: what is seen says more");
 }
 
-fn one_rendering_is_cleaned() {
+fn one_rendering_is_denoised() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let read = |name: &str, noise: &dyn Fn(usize) -> f32, knows_noise: bool| {
@@ -484,8 +484,8 @@ fn one_rendering_is_cleaned() {
         ImportedMatrix::read(&set, noise, "test", &at("x.ltc"), 16, &options, &NoProgress).unwrap()
     };
     let noisy = read("noisy.exr", &grain(0), true);
-    let (raw, cleaned) = errors_before_and_after(&noisy, &at("noisy.ltc"));
-    assert!(cleaned < raw / 4.0, "{cleaned} of {raw}");
+    let (raw, denoised) = errors_before_and_after(&noisy, &at("noisy.ltc"));
+    assert!(denoised < raw / 4.0, "{denoised} of {raw}");
     // The entries are those of the images, whatever is said of their noise.
     let plain = read("noisy.exr", &grain(0), false);
     assert!(plain.wants_noise() && !noisy.wants_noise());
@@ -498,7 +498,7 @@ fn one_rendering_is_cleaned() {
         block
     };
     assert_eq!(block(&noisy).noise, block(&read("noisy.exr", &grain(0), true)).noise);
-    // What is cleaned is as bright as the entries, also where there is hardly any light: to the rounding of two halves.
+    // What is denoised is as bright as the entries, also where there is hardly any light: to the rounding of two halves.
     // Planes are of columns divided by their scales.
     let mut divided = block(&noisy);
     divided.divide_columns(noisy.job().basis.column_scales());

@@ -245,7 +245,7 @@ fn by_default_no_bytes_are_spent_on_what_the_noise_hides() {
 /// texels against the truth, without the latter and with it.
 fn errors_with_clusters(samples: usize) -> [f64; 2] {
     let shape = MatrixShape::new(SIDE as u32, SIDE as u32, COLUMNS as u32, SIDE as u32).unwrap();
-    // As cleaning sets it.
+    // As denoising sets it.
     let settings = CompressSettings { rank: 64, noise_factor: Some(2.0), ..Default::default() };
     let compressor = Compressor::new(&panel(), shape, settings).unwrap();
     let clusters = Clusters::of_basis(&panel());

@@ -118,13 +118,13 @@ fn relit_images_have_the_psnr_that_was_asked_for() {
 }
 
 #[test]
-fn cleaning_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
+fn denoising_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("stopped.ltc"));
     let options = PackOptions { denoise: true, ..PackOptions::default() };
     let (render, _) = pipeline::render_packed(room("mixed"), &whole, &options, &NoProgress).unwrap();
     assert_eq!(render.blocks_kept, 0);
-    // Six blocks in each of four stages, of which cleaning takes all in one step.
+    // Six blocks in each of four stages, of which denoising takes all in one step.
     let mut stops = 0;
     for stop in [1, 5, 6, 11, 12, 14, 18, 20] {
         let watch = StopAfter(AtomicU64::new(stop));
@@ -188,7 +188,7 @@ fn every_texel_of_a_sky_keeps_its_light() {
 /// The shadows of single texels of a sky are no sum of what its clusters show: averaged within them, pictures are farther from the
 /// truth than the samples are.
 #[test]
-fn under_a_sky_cleaning_takes_nothing_that_the_samples_show() {
+fn under_a_sky_denoising_takes_nothing_that_the_samples_show() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = |name: &str, samples: u32, seed: u64| {
         let mut sky = BuiltIn { width: 48, height: 40, texels: 16 }.named("environment").unwrap();
@@ -217,7 +217,7 @@ fn under_a_sky_cleaning_takes_nothing_that_the_samples_show() {
 }
 
 #[test]
-fn images_cleaned_elsewhere_go_out_and_come_back() {
+fn images_denoised_elsewhere_go_out_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let (_, matrix) = render(&folder, "diffuse");
     let at = |name: &str| folder.path().join(name);
@@ -266,12 +266,12 @@ fn images_cleaned_elsewhere_go_out_and_come_back() {
     assert!(refused(&options("few.exr")).contains("layer basis.15 is missing"));
     assert!(refused(&options("nan.exr")).contains("not finite"));
     assert!(
-        refused(&PackOptions { denoise: false, ..options("basis.exr") }).contains("is for a matrix that is cleaned")
+        refused(&PackOptions { denoise: false, ..options("basis.exr") }).contains("is for a matrix that is denoised")
     );
 }
 
 #[test]
-fn cleaned_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
+fn denoised_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
     // Of the mirror and the glass at this size hardly two pixels are alike; and photons leave less to clean: 0.50.
     for (name, most) in [("diffuse", 0.2), ("mixed", 0.55)] {
         let folder = tempfile::tempdir().unwrap();
@@ -315,7 +315,7 @@ fn cleaned_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
     }
 }
 
-/// Cleaning goes down the image in strips, whose borders are those of blocks but at the end.
+/// Denoising goes down the image in strips, whose borders are those of blocks but at the end.
 #[test]
 fn images_of_any_height_keep_their_light_in_every_row() {
     for (width, height, side) in
@@ -334,9 +334,9 @@ fn images_of_any_height_keep_their_light_in_every_row() {
         let mut block = TracedBlock::default();
         for id in shape.blocks() {
             matrix.read_block(id, &mut block).unwrap();
-            let cleaned = container.read_layers(id, 0..container.layer_count(id)).unwrap().expand();
+            let denoised = container.read_layers(id, 0..container.layer_count(id)).unwrap().expand();
             let rect = shape.rect(id);
-            for (sums, entries) in [(&mut before, block.block.entries()), (&mut after, cleaned.entries())] {
+            for (sums, entries) in [(&mut before, block.block.entries()), (&mut after, denoised.entries())] {
                 for (i, entry) in entries.iter().enumerate() {
                     let pixel = i as u32 % (rect.width * rect.height);
                     sums[(rect.y + pixel / rect.width) as usize] += f64::from(*entry);

@@ -20,8 +20,8 @@ const LARGE_BYTES: usize = 1 << 20;
 const REPORT: Tag = Tag(*b"rprt");
 /// The section of the errors of single lights and of all.
 const LIGHT_ERRORS: Tag = Tag(*b"lerr");
-/// The section of what cleaning did.
-const CLEANING_ERRORS: Tag = Tag(*b"derr");
+/// The section of what denoising did.
+const DENOISING_ERRORS: Tag = Tag(*b"derr");
 /// The section of the error of exposed images.
 const EXPOSED_ERROR: Tag = Tag(*b"xerr");
 
@@ -35,8 +35,8 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors)
     if let Some(errors) = &errors.lights {
         append(&mut plain, LIGHT_ERRORS, &encode_record(errors));
     }
-    if let Some(errors) = &errors.cleaning {
-        append(&mut plain, CLEANING_ERRORS, &encode_record(errors));
+    if let Some(errors) = &errors.denoising {
+        append(&mut plain, DENOISING_ERRORS, &encode_record(errors));
     }
     if let Some(error) = &errors.exposed {
         append(&mut plain, EXPOSED_ERROR, &encode_record(error));
@@ -69,11 +69,11 @@ fn decode_sections(bytes: &[u8]) -> Result<Metadata, String> {
         return Err("the metadata is cut short".into());
     };
     let plain = unpacked(body, u32_at(head, 4), u32_at(head, 0) as usize)?;
-    let known = [&JOB_SECTIONS[..], &[REPORT, LIGHT_ERRORS, CLEANING_ERRORS, EXPOSED_ERROR]].concat();
+    let known = [&JOB_SECTIONS[..], &[REPORT, LIGHT_ERRORS, DENOISING_ERRORS, EXPOSED_ERROR]].concat();
     let sections = Sections::split(&plain, &known)?;
     let errors = StatedErrors {
         lights: section(&sections, LIGHT_ERRORS, "errors of lights")?,
-        cleaning: section(&sections, CLEANING_ERRORS, "errors of cleaning")?,
+        denoising: section(&sections, DENOISING_ERRORS, "errors of denoising")?,
         exposed: section(&sections, EXPOSED_ERROR, "error of exposed images")?,
     };
     Ok((job_of(&sections)?, section(&sections, REPORT, "report")?.unwrap_or_default(), errors))
@@ -101,7 +101,7 @@ fn decode_positional(bytes: &[u8]) -> Result<Metadata, String> {
     let report = next(&mut rest, "report")?.ok_or("the report is missing")?;
     let errors = StatedErrors {
         lights: next(&mut rest, "errors of lights")?,
-        cleaning: next(&mut rest, "errors of cleaning")?.filter(|errors: &DenoiseErrors| !errors.is_none()),
+        denoising: next(&mut rest, "errors of denoising")?.filter(|errors: &DenoiseErrors| !errors.is_none()),
         exposed: next(&mut rest, "error of exposed images")?,
     };
     match rest.len() {

@@ -157,7 +157,7 @@ impl DenoiseInputs {
         }
         let work = make(id, block)?;
         let planes = block.planes.take().ok_or_else(|| {
-            let problem = "its samples were not kept apart, so it cannot be cleaned";
+            let problem = "its samples were not kept apart, so it cannot be denoised";
             Error::input(id.to_string(), problem, Hint::PackWithoutDenoising)
         })?;
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
@@ -181,7 +181,7 @@ impl DenoiseInputs {
         whole: PixelRect,
         wanted: &Range<usize>,
         at_once: usize,
-        cleaning: &mut Denoiser<'_>,
+        denoising: &mut Denoiser<'_>,
     ) -> Result<()> {
         if wanted.is_empty() {
             return Ok(());
@@ -192,7 +192,7 @@ impl DenoiseInputs {
         let rows: Vec<u32> = blocks(part.y, part.height).collect();
         let borders: Vec<usize> = rows.iter().map(|row| (row * side).saturating_sub(whole.y) as usize).collect();
         let columns = blocks(whole.x, whole.width);
-        let strips = rows.iter().zip(cleaning.strips(wanted, &borders));
+        let strips = rows.iter().zip(denoising.strips(wanted, &borders));
         let mut parts: Vec<_> = strips.map(|(row, strip)| (*row, columns.clone(), strip)).collect();
         for few in parts.chunks_mut(at_once) {
             few.par_iter_mut().try_for_each(|(row, columns, strip)| {

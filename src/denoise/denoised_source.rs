@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
 use super::external_images::ExternalImages;
 use super::{
-    CleanedRegion, ColumnUpsampler, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides, Pool,
+    ColumnUpsampler, DenoisedRegion, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides, Pool,
     Region, tile_means,
 };
 use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, stop_if_interrupted};
@@ -48,7 +48,7 @@ struct Windows {
     halo: u32,
 }
 
-/// A matrix whose images are cleaned, block by block.
+/// A matrix whose images are denoised, block by block.
 pub(crate) struct DenoisedSource {
     shape: MatrixShape,
     clusters: usize,
@@ -210,7 +210,7 @@ impl DenoisedSource {
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
     pub(crate) fn filter(&self, threads: &Threads, watch: &dyn Progress) -> Result<()> {
         let guides = &self.tally.guides();
-        watch.begin("cleaning", self.blocks().len() as u64, "blocks");
+        watch.begin("denoising", self.blocks().len() as u64, "blocks");
         let done = threads.run(|| -> Result<()> {
             let pool = Pool::default();
             for blocks in &self.windows {
@@ -234,7 +234,7 @@ impl DenoisedSource {
         if self.shape.blocks().all(|id| self.images.has(id.0)) {
             return Ok(());
         }
-        watch.begin("reading cleaned images", u64::from(self.shape.block_count()), "blocks");
+        watch.begin("reading denoised images", u64::from(self.shape.block_count()), "blocks");
         let done = basis.read().and_then(|images| {
             for id in self.shape.blocks().filter(|id| !self.images.has(id.0)) {
                 self.images.append(id.0, &[&images.bytes_of(self.shape.rect(id))])?;
@@ -257,35 +257,35 @@ impl DenoisedSource {
         let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
-        let part = CleanedRegion {
+        let part = DenoisedRegion {
             size: (whole.width as usize, whole.height as usize),
             block: self.shape.block_side().min(whole.height) as usize,
             region,
             features: FEATURE_PLANES,
         };
-        let mut cleaning = Denoiser::new(part, reach_in(self.shape), guides, pool);
-        while let Some(wanted) = cleaning.wants() {
+        let mut denoising = Denoiser::new(part, reach_in(self.shape), guides, pool);
+        while let Some(wanted) = denoising.wants() {
             stop_if_interrupted(&self.gathering.path, watch)?;
-            self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut cleaning)?;
-            let cleaned = cleaning.clean(&wanted);
-            let rows = cleaned.rows();
+            self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut denoising)?;
+            let denoised = denoising.denoise(&wanted);
+            let rows = denoised.rows();
             let is_done = |id: &&BlockId| rows.contains(&((self.shape.rect(**id).y - top) as usize));
             let done: Vec<&BlockId> = blocks.iter().filter(is_done).collect();
             for few in done.chunks(BLOCKS_AT_HAND as usize) {
-                few.par_iter().try_for_each(|id| self.keep(**id, whole, &cleaned))?;
+                few.par_iter().try_for_each(|id| self.keep(**id, whole, &denoised))?;
             }
             watch.advance(done.len() as u64, 0, "px");
-            cleaned.keep_in(pool);
+            denoised.keep_in(pool);
         }
         Ok(())
     }
 
     /// Stores the denoised images of a block, unless they are stored already. `whole` is the denoised part of the image.
-    fn keep(&self, id: BlockId, whole: PixelRect, cleaned: &DenoisedRows) -> Result<()> {
+    fn keep(&self, id: BlockId, whole: PixelRect, denoised: &DenoisedRows) -> Result<()> {
         if self.images.has(id.0) {
             return Ok(());
         }
-        let (rect, images) = (self.shape.rect(id), &cleaned.images);
+        let (rect, images) = (self.shape.rect(id), &denoised.images);
         let (left, top) = ((rect.x - whole.x) as usize, (rect.y - whole.y) as usize);
         let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
         let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
@@ -294,7 +294,7 @@ impl DenoisedSource {
                 bytes.extend_from_slice(bytemuck::cast_slice(&images.row(plane, y)[part.x.clone()]));
             }
         }
-        let errors = cleaned.errors(&part);
+        let errors = denoised.errors(&part);
         self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
     }
 

@@ -31,7 +31,7 @@ pub struct DenoiserRows<'a> {
     pub feature_variance: &'a mut [f32],
 }
 
-/// The denoised rows of one step of [`Cleaning`].
+/// The denoised rows of one step of [`Denoising`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenoisedRows {
     /// Three channels for each cluster, direct and indirect light added up.
@@ -57,21 +57,21 @@ impl DenoisedRows {
     }
 }
 
-/// What of an image is cleaned.
+/// What of an image is denoised.
 #[derive(Clone, Debug)]
-pub struct CleanedRegion {
+pub struct DenoisedRegion {
     /// Pixels of the image across and down.
     pub size: (usize, usize),
     /// Height of its blocks in pixels.
     pub block: usize,
-    /// The pixels that are cleaned.
+    /// The pixels that are denoised.
     pub region: Region,
     /// Planes of features.
     pub features: usize,
 }
 
-/// Images of clusters that are being cleaned, from the top of the image down: [`wants`](Self::wants) says which rows come next,
-/// [`strips`](Self::strips) takes them, [`clean`](Self::clean) gives what has been cleaned.
+/// Images of clusters that are being denoised, from the top of the image down: [`wants`](Self::wants) says which rows come next,
+/// [`strips`](Self::strips) takes them, [`denoise`](Self::denoise) gives what has been denoised.
 ///
 /// The result is valid in a region that is at least [`Reach::halo`] pixels away from the window's border, or ends where
 /// the image ends. Elsewhere it is unspecified.
@@ -102,9 +102,9 @@ struct Input {
 }
 
 impl<'a> Denoiser<'a> {
-    /// Begins at the top of what is to be cleaned.
-    pub fn new(of: CleanedRegion, reach: FilterRadii, guides: &'a Guides, pool: &'a Pool) -> Self {
-        let CleanedRegion { size, block, region, features } = of;
+    /// Begins at the top of what is to be denoised.
+    pub fn new(of: DenoisedRegion, reach: FilterRadii, guides: &'a Guides, pool: &'a Pool) -> Self {
+        let DenoisedRegion { size, block, region, features } = of;
         let light = reach.light(2 * 3 * guides.clusters());
         let step = step_of(block);
         let rows = |stage: Stage| ImageRows::none_yet(size, stage.planes, stage.rows(step) + block);
@@ -196,7 +196,7 @@ impl<'a> Denoiser<'a> {
     }
 
     /// Denoises the next rows, once the rows `came` that [`wants`](Self::wants) asked for are filled.
-    pub fn clean(&mut self, came: &Range<usize>) -> DenoisedRows {
+    pub fn denoise(&mut self, came: &Range<usize>) -> DenoisedRows {
         let step = Step { region: &self.region, y: self.next.clone() };
         let part = step.part();
         let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
@@ -217,14 +217,14 @@ impl<'a> Denoiser<'a> {
         self.indirect.advance(indirect, &step, &self.surfaces, self.pool);
         let albedo = albedo::of_filtered(features, feature_variance, &part, &self.surfaces, self.pool);
         for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
-            let cleaned = mixed(light, means, &part, self.pool);
-            add_squares(light, &cleaned, |plane, y| of_samples(plane, y).collect(), &part, &mut squares);
+            let denoised = mixed(light, means, &part, self.pool);
+            add_squares(light, &denoised, |plane, y| of_samples(plane, y).collect(), &part, &mut squares);
             images.change_rows(&part, |y, plane, out| {
-                let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[part.x.clone()]);
+                let [a, b] = [plane, planes + plane].map(|plane| &denoised.row(plane, y)[part.x.clone()]);
                 let halves = a.iter().zip(b).zip(&albedo.row(plane % 3, y)[part.x.clone()]);
                 out.iter_mut().zip(halves).for_each(|(o, ((a, b), albedo))| *o += 0.5 * (a + b) * albedo);
             });
-            self.pool.keep(cleaned);
+            self.pool.keep(denoised);
         }
         self.pool.keep(albedo);
         DenoisedRows { images, squares }
@@ -321,7 +321,7 @@ mod tests {
     }
 
     /// Denoises in steps of the given block height with a used pool. Returns all rows of the image and of the squares.
-    fn clean_in_steps(
+    fn denoise_in_steps(
         window: &Window,
         region: &Region,
         guides: &Guides,
@@ -335,13 +335,13 @@ mod tests {
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
-        let mut cleaning =
-            Denoiser::new(CleanedRegion { size, block, region: region.clone(), features: 10 }, reach, guides, &pool);
+        let mut denoising =
+            Denoiser::new(DenoisedRegion { size, block, region: region.clone(), features: 10 }, reach, guides, &pool);
         let zeros = |planes| ImageRows::zeros(size.0, size.1, planes);
         let mut all = DenoisedRows { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
-        while let Some(wanted) = cleaning.wants() {
+        while let Some(wanted) = denoising.wants() {
             let borders: Vec<usize> = wanted.clone().step_by(block).collect();
-            for (strip, &first) in cleaning.strips(&wanted, &borders).into_iter().zip(&borders) {
+            for (strip, &first) in denoising.strips(&wanted, &borders).into_iter().zip(&borders) {
                 let rows = first..wanted.end.min(first + block);
                 let put = |from: &ImageRows, to: &mut [f32]| {
                     let row = from.planes() * size.0;
@@ -352,23 +352,23 @@ mod tests {
                 put(&window.features, strip.features);
                 put(&window.feature_variance, strip.feature_variance);
             }
-            let cleaned = cleaning.clean(&wanted);
-            for y in cleaned.rows() {
-                for (from, to) in [(&cleaned.images, &mut all.images), (&cleaned.squares, &mut all.squares)] {
+            let denoised = denoising.denoise(&wanted);
+            for y in denoised.rows() {
+                for (from, to) in [(&denoised.images, &mut all.images), (&denoised.squares, &mut all.squares)] {
                     (0..from.planes()).for_each(|plane| to.row_mut(plane, y).copy_from_slice(from.row(plane, y)));
                 }
             }
-            cleaned.keep_in(&pool);
+            denoised.keep_in(&pool);
         }
         all
     }
 
-    fn clean(window: Window, region: &Region, guides: &Guides) -> DenoisedRows {
-        clean_in_steps(&window, region, guides, 32, REACH)
+    fn denoise(window: Window, region: &Region, guides: &Guides) -> DenoisedRows {
+        denoise_in_steps(&window, region, guides, 32, REACH)
     }
 
-    fn clean_all(window: &Window) -> ImageRows {
-        clean(window.clone(), &window.features.whole(), &guides(window)).images
+    fn denoise_all(window: &Window) -> ImageRows {
+        denoise(window.clone(), &window.features.whole(), &guides(window)).images
     }
 
     fn squared_error(a: &ImageRows, b: &ImageRows) -> f64 {
@@ -386,7 +386,7 @@ mod tests {
     fn grain_goes_and_edges_of_surfaces_and_shadows_stay() {
         let (window, truth) = room((48, 40), 0.5);
         let before = squared_error(&raw(&window), &truth);
-        let after = squared_error(&clean_all(&window), &truth);
+        let after = squared_error(&denoise_all(&window), &truth);
         assert!(after < before / 15.0, "{after} of {before}");
     }
 
@@ -395,15 +395,15 @@ mod tests {
     fn noise_and_bias_are_known_from_the_halves() {
         let (window, truth) = room((48, 40), 0.5);
         let region = truth.whole();
-        let cleaned = clean(window.clone(), &region, &guides(&window));
-        let sums = cleaned.errors(&region);
+        let denoised = denoise(window.clone(), &region, &guides(&window));
+        let sums = denoised.errors(&region);
         let raw_error = squared_error(&raw(&window), &truth);
         assert!((sums.noise_before / raw_error - 1.0).abs() < 0.1, "{sums:?}, not {raw_error}");
-        let error = squared_error(&cleaned.images, &truth);
+        let error = squared_error(&denoised.images, &truth);
         let bias = (sums.changed - sums.noise_of_change).max(0.0);
         // Both are a small part of the initial noise, and so is the error of either.
         assert!((sums.noise_after + bias - error).abs() < 0.02 * raw_error, "{sums:?}, not {error}");
-        let halves = [0..20, 20..40].map(|y| cleaned.errors(&Region { x: 0..48, y }));
+        let halves = [0..20, 20..40].map(|y| denoised.errors(&Region { x: 0..48, y }));
         let mut both = halves[0];
         both.add(&halves[1]);
         assert!((both.light / sums.light - 1.0).abs() < 1e-9 && (both.changed / sums.changed - 1.0).abs() < 1e-9);
@@ -417,8 +417,8 @@ mod tests {
         window.direct = exact.direct;
         let guides = guides(&window);
         let [_, near, far] = REACHES.map(|reach| {
-            let cleaned = clean_in_steps(&window, &truth.whole(), &guides, 32, reach);
-            squared_error(&cleaned.images, &truth)
+            let denoised = denoise_in_steps(&window, &truth.whole(), &guides, 32, reach);
+            squared_error(&denoised.images, &truth)
         });
         assert!(far < 0.9 * near, "{far}, not less than {near}");
     }
@@ -426,7 +426,7 @@ mod tests {
     #[test]
     fn without_noise_nothing_changes() {
         let (window, truth) = room((48, 40), 0.0);
-        let error = squared_error(&clean_all(&window), &truth);
+        let error = squared_error(&denoise_all(&window), &truth);
         let norm = squared_error(&truth, &ImageRows::zeros(48, 40, 3 * CLUSTERS));
         assert!(error < 1e-10 * norm, "{error} of {norm}");
     }
@@ -436,7 +436,7 @@ mod tests {
         let (mut window, _) = room((48, 40), 0.3);
         let guides = guides(&window);
         (0..3).for_each(|channel| window.indirect.row_mut(channel, 30)[20] += 50.0);
-        let images = clean(window.clone(), &window.features.whole(), &guides).images;
+        let images = denoise(window.clone(), &window.features.whole(), &guides).images;
         assert!(images.row(0, 30)[20] < 3.0, "a mean of 25.8 became {}", images.row(0, 30)[20]);
     }
 
@@ -451,7 +451,7 @@ mod tests {
         }
         // The light is uniform there, so differences of neighbours are noise.
         let grain = |window: Window| -> f32 {
-            let images = clean(window, &truth.whole(), &guides).images;
+            let images = denoise(window, &truth.whole(), &guides).images;
             let pairs =
                 |y: usize| images.row(0, y)[38..43].windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f32>();
             (24..37).map(pairs).sum()
@@ -483,7 +483,7 @@ mod tests {
         in_few_samples(&mut window.indirect, 4, 20, [10.5, 0.5]);
         let sum = |rows: &ImageRows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
         let before = sum(&raw(&window));
-        let kept = sum(&clean_all(&window)) / before;
+        let kept = sum(&denoise_all(&window)) / before;
         // The noise of that sum itself is 2 %.
         assert!((0.96..1.04).contains(&kept), "{kept} of the light");
     }
@@ -493,7 +493,7 @@ mod tests {
     fn light_of_few_samples_is_averaged_everywhere() {
         let (mut window, truth) = room((96, 80), 0.0);
         in_few_samples(&mut window.indirect, 5, 20, [20.0, 0.0]);
-        let images = clean_all(&window);
+        let images = denoise_all(&window);
         for (found, expected) in images.values().iter().zip(truth.values()) {
             assert!(*found > 0.1 * expected, "{found}, not {expected}");
         }
@@ -505,7 +505,7 @@ mod tests {
     fn direct_light_of_few_samples_has_no_edges_of_its_own() {
         let (mut window, truth) = room((96, 80), 0.0);
         in_few_samples(&mut window.direct, 6, 6, [6.0, 0.0]);
-        let error = squared_error(&clean_all(&window), &truth);
+        let error = squared_error(&denoise_all(&window), &truth);
         let light = squared_error(&truth, &ImageRows::zeros(96, 80, 3 * CLUSTERS));
         // 0.020; if both halves were weighted by the guides of all samples, 0.116.
         assert!(error < 0.05 * light, "{error} of {light}");
@@ -532,7 +532,7 @@ mod tests {
         }
         let mut through = window.clone();
         (0..40).for_each(|y| through.features.row_mut(8, y).fill(1.0));
-        let [found, without] = [&through, &window].map(|window| squared_error(&clean_all(window), &truth));
+        let [found, without] = [&through, &window].map(|window| squared_error(&denoise_all(window), &truth));
         assert!(found < 0.2 * without, "{found}, without glass {without}");
     }
 
@@ -549,7 +549,7 @@ mod tests {
             seen.iter().enumerate().for_each(|(plane, &v)| window.features.row_mut(plane, edge)[x] = v);
         }
         let grain = |window: &Window| -> f32 {
-            let images = clean_all(window);
+            let images = denoise_all(window);
             let light = |x: usize| images.row(0, edge)[x] / window.features.row(0, edge)[x];
             (18..47).map(|x| (light(x + 1) - light(x)).powi(2)).sum()
         };
@@ -582,7 +582,7 @@ mod tests {
                 (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = lit * (1.0 - lit) / 16.0);
             }
         }
-        let images = clean_all(&window);
+        let images = denoise_all(&window);
         let light = |rows: &ImageRows| rows.row(0, edge)[18..47].iter().sum::<f32>();
         let kept = light(&images) / light(&truth);
         assert!((0.97..1.03).contains(&kept), "{kept} of the edge's light");
@@ -596,7 +596,7 @@ mod tests {
         for light in [&mut window.direct, &mut window.indirect] {
             (0..3).for_each(|channel| light.row_mut(channel, 30)[20] += 5.0);
         }
-        let images = clean_all(&window);
+        let images = denoise_all(&window);
         let (found, beside) = (images.row(0, 30)[20], images.row(0, 30)[23]);
         assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
     }
@@ -612,21 +612,21 @@ mod tests {
     }
 
     #[test]
-    fn images_do_not_depend_on_how_many_rows_are_cleaned_at_once() {
+    fn images_do_not_depend_on_how_many_rows_are_denoised_at_once() {
         let window = mirrored((40, 330));
         let guides = guides(&window);
         for reach in REACHES {
-            let whole = clean_in_steps(&window, &window.features.whole(), &guides, 330, reach);
+            let whole = denoise_in_steps(&window, &window.features.whole(), &guides, 330, reach);
             for block in [32, 50, 128] {
-                let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, block, reach);
-                assert_eq!(cleaned, whole, "blocks of {block}, {reach:?}");
+                let denoised = denoise_in_steps(&window, &window.features.whole(), &guides, block, reach);
+                assert_eq!(denoised, whole, "blocks of {block}, {reach:?}");
             }
             // A part of it whose surroundings lie within the image.
             let part = Region { x: 0..40, y: 150..200 };
-            let cleaned = clean_in_steps(&window, &part, &guides, 32, reach);
+            let denoised = denoise_in_steps(&window, &part, &guides, 32, reach);
             for y in part.y {
                 (0..3 * CLUSTERS)
-                    .for_each(|plane| assert_eq!(cleaned.images.row(plane, y), whole.images.row(plane, y)));
+                    .for_each(|plane| assert_eq!(denoised.images.row(plane, y), whole.images.row(plane, y)));
             }
         }
     }
@@ -638,15 +638,15 @@ mod tests {
         let guides = guides(&window);
         for reach in REACHES {
             let pool = Pool::default();
-            let whole = CleanedRegion { size: (width, 500), block, region: window.features.whole(), features: 10 };
-            let mut cleaning = Denoiser::new(whole, reach, &guides, &pool);
+            let whole = DenoisedRegion { size: (width, 500), block, region: window.features.whole(), features: 10 };
+            let mut denoising = Denoiser::new(whole, reach, &guides, &pool);
             let said = Denoiser::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
-            while let Some(wanted) = cleaning.wants() {
+            while let Some(wanted) = denoising.wants() {
                 // Mirrors everywhere, so that the filtered albedo is held as well.
-                cleaning.strips(&wanted, &[wanted.start]).into_iter().for_each(|strip| strip.features.fill(1.0));
-                let cleaned = cleaning.clean(&wanted);
-                cleaned.keep_in(&pool);
-                let held = cleaning.held_bytes() + pool.bytes();
+                denoising.strips(&wanted, &[wanted.start]).into_iter().for_each(|strip| strip.features.fill(1.0));
+                let denoised = denoising.denoise(&wanted);
+                denoised.keep_in(&pool);
+                let held = denoising.held_bytes() + pool.bytes();
                 assert!(held <= said, "{held} of {said} at {wanted:?}");
                 assert!(held > said / 3, "{said} for {held}");
             }
@@ -658,9 +658,9 @@ mod tests {
         let size = (190, 24);
         let window = mirrored(size);
         let guides = guides(&window);
-        let whole = clean(window.clone(), &window.features.whole(), &guides).images;
+        let whole = denoise(window.clone(), &window.features.whole(), &guides).images;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        assert_eq!(pool.install(|| clean(window.clone(), &window.features.whole(), &guides).images), whole);
+        assert_eq!(pool.install(|| denoise(window.clone(), &window.features.whole(), &guides).images), whole);
         // Its right part, with the halo it needs.
         let (inside, left) = (130, 130 - REACH.halo());
         let cut = |rows: &ImageRows| {
@@ -676,7 +676,7 @@ mod tests {
             features: cut(&window.features),
             feature_variance: cut(&window.feature_variance),
         };
-        let part = clean(part, &Region { x: inside - left..size.0 - left, y: 0..size.1 }, &guides).images;
+        let part = denoise(part, &Region { x: inside - left..size.0 - left, y: 0..size.1 }, &guides).images;
         for plane in 0..whole.planes() {
             for y in 0..size.1 {
                 assert_eq!(part.row(plane, y)[inside - left..], whole.row(plane, y)[inside..], "row {y}");

@@ -48,7 +48,7 @@ impl ErrorSums {
 /// their difference. Direct and indirect light are taken as independent.
 pub(super) fn add_squares(
     raw: &ImageRows,
-    cleaned: &ImageRows,
+    denoised: &ImageRows,
     scale: impl Fn(usize, usize) -> Vec<f32> + Sync,
     region: &Region,
     squares: &mut ImageRows,
@@ -57,9 +57,13 @@ pub(super) fn add_squares(
     let width = raw.width();
     squares.fill_whole_rows(&region.y, |y, sums| {
         for plane in 0..planes {
-            let [raw_a, raw_b, a, b] =
-                [raw.row(plane, y), raw.row(planes + plane, y), cleaned.row(plane, y), cleaned.row(planes + plane, y)]
-                    .map(|row| &row[region.x.clone()]);
+            let [raw_a, raw_b, a, b] = [
+                raw.row(plane, y),
+                raw.row(planes + plane, y),
+                denoised.row(plane, y),
+                denoised.row(planes + plane, y),
+            ]
+            .map(|row| &row[region.x.clone()]);
             let scale = &scale(plane, y)[region.x.clone()];
             for (square, sums) in sums.chunks_exact_mut(width).enumerate() {
                 for (x, sum) in sums[region.x.clone()].iter_mut().enumerate() {

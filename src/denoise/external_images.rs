@@ -68,7 +68,7 @@ impl ExternalImages {
             if let Some(cluster) = self.clusters.get(image) {
                 if row.iter().any(|value| !value.is_finite()) {
                     let place = format!("{}, layer {BASIS_LAYER}{cluster:02}, row {y}", self.path.display());
-                    return Err(Error::input(place, "holds a value that is not finite", "clean the images again"));
+                    return Err(Error::input(place, "holds a value that is not finite", "denoise the images again"));
                 }
                 values[((cluster * CHANNELS + channel) * height + y) * width + x..][..row.len()].copy_from_slice(row);
             }

@@ -44,7 +44,7 @@ pub const DENOISER_VERSION: u32 = 18;
 
 pub(crate) use denoise_inputs::DenoiseInputs;
 pub(crate) use denoised_source::{DenoisedSource, windows_of};
-pub use denoiser::{CleanedRegion, DenoisedRows, Denoiser, DenoiserRows};
+pub use denoiser::{DenoisedRegion, DenoisedRows, Denoiser, DenoiserRows};
 pub use errors::ErrorSums;
 pub(crate) use external_images::{BASIS_LAYER, ExternalImages};
 pub use filter_radii::FilterRadii;

@@ -159,7 +159,7 @@ pub struct ErrorMonitor {
     /// The error asked for; `None` if a time was asked for.
     pub(crate) asked: Option<f64>,
     /// Whether the error is promised for denoised images, or for the matrix as it is.
-    pub(crate) cleans: bool,
+    pub(crate) denoises: bool,
     pub(crate) windows: Vec<Vec<BlockId>>,
     pub(crate) references: [ProbedImages; 2],
     /// Images of the packed container, as far as its blocks are written.
@@ -168,8 +168,8 @@ pub struct ErrorMonitor {
 
 impl ErrorMonitor {
     /// Whether the error is promised for denoised images, as a container holds them, or for the matrix as it is.
-    pub fn cleans(&self) -> bool {
-        self.cleans
+    pub fn denoises(&self) -> bool {
+        self.denoises
     }
 
     /// Bytes that it holds, including the images of the container.
@@ -219,16 +219,16 @@ impl ErrorMonitor {
     ) -> Result<ExposedError> {
         let job = matrix.job();
         let reading = reading_need_bytes(matrix);
-        let cleaning = match self.cleans {
+        let denoising = match self.denoises {
             true => DenoisedSource::need_of_windows(job, reading, WINDOW),
             false => ResourceEstimate { per_thread_bytes: reading, ..ResourceEstimate::default() },
         };
         let images = Blocks::images_need_bytes(job.shape, self.windows.concat().len());
-        let fixed_bytes = PROGRAM_BYTES + self.needs_bytes() + images + cleaning.fixed_bytes;
-        let need = ResourceEstimate { fixed_bytes, ..cleaning };
+        let fixed_bytes = PROGRAM_BYTES + self.needs_bytes() + images + denoising.fixed_bytes;
+        let need = ResourceEstimate { fixed_bytes, ..denoising };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
-        Ok(self.reached(&source.images(self.cleans, &threads, "measuring the error", watch)?.shown))
+        Ok(self.reached(&source.images(self.denoises, &threads, "measuring the error", watch)?.shown))
     }
 }
 
@@ -253,7 +253,7 @@ pub(crate) struct WindowImages {
     /// The displayed images: denoised if asked for.
     pub(crate) shown: ProbedImages,
     /// Seconds that denoising took.
-    pub(crate) cleaning_seconds: f64,
+    pub(crate) denoising_seconds: f64,
 }
 
 impl Blocks<'_> {
@@ -268,7 +268,7 @@ impl Blocks<'_> {
     /// Those of the source and of the disk; [`Error::Interrupted`].
     pub(crate) fn images(
         &self,
-        cleans: bool,
+        denoises: bool,
         threads: &Threads,
         stage: &str,
         watch: &dyn Progress,
@@ -282,7 +282,7 @@ impl Blocks<'_> {
             sampled.lock().unwrap_or_else(PoisonError::into_inner).insert(id, probed);
             Ok(0)
         };
-        if !cleans {
+        if !denoises {
             let blocks = self.windows.concat();
             watch.begin(stage, blocks.len() as u64, "blocks");
             let one = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
@@ -297,22 +297,22 @@ impl Blocks<'_> {
             watch.end();
             done?;
             let sampled = sampled.into_inner().unwrap_or_else(PoisonError::into_inner);
-            return Ok(WindowImages { shown: sampled.clone(), sampled, cleaning_seconds: 0.0 });
+            return Ok(WindowImages { shown: sampled.clone(), sampled, denoising_seconds: 0.0 });
         }
-        let mut cleaned = DenoisedSource::of_windows(self.job, self.windows.to_vec())?;
-        cleaned.gather(threads, JobStage { name: stage, work_unit: "blocks" }, watch, make)?;
+        let mut denoised = DenoisedSource::of_windows(self.job, self.windows.to_vec())?;
+        denoised.gather(threads, JobStage { name: stage, work_unit: "blocks" }, watch, make)?;
         let begun = Instant::now();
-        cleaned.filter(threads, watch)?;
-        cleaned.fit(watch)?;
-        let cleaning_seconds = begun.elapsed().as_secs_f64();
+        denoised.filter(threads, watch)?;
+        denoised.fit(watch)?;
+        let denoising_seconds = begun.elapsed().as_secs_f64();
         let mut shown = ProbedImages::new();
         let mut block = TracedBlock::default();
         for &id in self.windows.iter().flatten() {
-            cleaned.read_block(id, &mut block)?;
+            denoised.read_block(id, &mut block)?;
             shown.insert(id, ProbedBlock::of(&block, &probes));
         }
         let sampled = sampled.into_inner().unwrap_or_else(PoisonError::into_inner);
-        Ok(WindowImages { sampled, shown, cleaning_seconds })
+        Ok(WindowImages { sampled, shown, denoising_seconds })
     }
 }
 

@@ -113,7 +113,7 @@ impl FarmJob {
             return Err(Error::input("global scope", "the matrix is read several times, here no machine has it", hint));
         }
         if let Some(basis) = &options.basis {
-            let hint = "leave cleaning to the merge, or render and pack it on one machine";
+            let hint = "leave denoising to the merge, or render and pack it on one machine";
             return Err(Error::input(basis.display().to_string(), "its images exist only after all blocks", hint));
         }
         let job = job_of(&loaded)?;
@@ -130,7 +130,7 @@ impl FarmJob {
     }
 
     /// Whether the merge denoises the image.
-    pub fn cleans(&self) -> bool {
+    pub fn denoises(&self) -> bool {
         self.terms.options.denoise
     }
 
@@ -147,7 +147,7 @@ impl FarmJob {
         let begun = Instant::now();
         let job = &self.terms.job;
         let plan = self.plan()?;
-        let merging = need_of(&plan, job.shape, ResourceEstimate::default(), self.cleans().then_some(job));
+        let merging = need_of(&plan, job.shape, ResourceEstimate::default(), self.denoises().then_some(job));
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
         let (worker, need) = self.worker(plan, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;

@@ -76,7 +76,7 @@ impl ContinuationFile {
         Self::recovered(path, file, keys)
     }
 
-    /// Removes the file of a job that was killed between renaming its result to `finished` and cleaning up. It must
+    /// Removes the file of a job that was killed between renaming its result to `finished` and denoising up. It must
     /// have this mark and every key, be older than the result, and be locked by no process.
     pub fn remove_leftover(path: &Path, mark: [u8; 8], keys: u32, finished: &Path) {
         let written = |path: &Path| std::fs::metadata(path).and_then(|found| found.modified()).ok();

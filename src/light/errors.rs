@@ -38,7 +38,7 @@ pub struct DenoiseErrors {
 }
 
 impl DenoiseErrors {
-    /// Whether these are the numbers of version 1 of containers for images that were not cleaned.
+    /// Whether these are the numbers of version 1 of containers for images that were not denoised.
     pub(crate) fn is_none(&self) -> bool {
         self.noise_before.is_nan() && self.noise_after.is_nan() && self.bias.is_nan()
     }
@@ -47,7 +47,7 @@ impl DenoiseErrors {
 /// A line on what denoising did, for people.
 pub fn denoise_errors_line(errors: &DenoiseErrors) -> String {
     format!(
-        "cleaning, relative L2 of the images of groups of lights: noise {:.2e} before, {:.2e} after, bias {:.2e} (estimated)",
+        "denoising, relative L2 of the images of groups of lights: noise {:.2e} before, {:.2e} after, bias {:.2e} (estimated)",
         errors.noise_before, errors.noise_after, errors.bias
     )
 }
@@ -67,7 +67,7 @@ pub struct ExposedError {
 pub fn expected_error_line(error: f64) -> String {
     let percent = 100.0 * error;
     format!(
-        "exposed images of the matrix as it is, not cleaned: expected error {percent:.2} % of white (the worst of 16 lightings)"
+        "exposed images of the matrix as it is, not denoised: expected error {percent:.2} % of white (the worst of 16 lightings)"
     )
 }
 
@@ -121,7 +121,7 @@ pub struct StatedErrors {
     /// Errors of compression.
     pub lights: Option<LightErrors>,
     /// Errors of denoising before that.
-    pub cleaning: Option<DenoiseErrors>,
+    pub denoising: Option<DenoiseErrors>,
     /// That of exposed images, where one was asked for and images were denoised.
     pub exposed: Option<ExposedError>,
 }

@@ -2,9 +2,7 @@
 
 use std::fmt;
 
-use sha2::{Digest, Sha256};
-
-use super::{LightBasis, metadata};
+use super::LightBasis;
 use crate::encoding::{Decode, Encode};
 use crate::matrix::{BlockSource, MatrixShape};
 
@@ -47,13 +45,6 @@ pub struct Job {
 pub trait DescribedSource: BlockSource {
     /// Its shape, its lights, and where it comes from.
     fn job(&self) -> &Job;
-}
-
-impl Job {
-    /// Identity of the job.
-    pub fn hash(&self) -> JobHash {
-        JobHash(Sha256::digest(metadata::encode_description(self)).into())
-    }
 }
 
 impl fmt::Display for JobHash {

@@ -2,6 +2,9 @@
 //! weights of the scene's lighting that are not their lights' emission, if there are any, then the scales of columns, if they
 //! are known.
 
+use sha2::{Digest, Sha256};
+
+use super::job::JobHash;
 use super::{Job, Light, LightBasis, Provenance};
 use crate::encoding::{Decode, Encode, MAX_BYTES, decode, encode};
 use crate::error::Result;
@@ -149,6 +152,13 @@ fn assembled(record: JobRecord, weights: SceneWeights, scales: Vec<f32>) -> Resu
         return Err(format!("the job has {} columns but its lights {}", shape.columns(), basis.column_count()));
     }
     Ok(Job { shape, basis, provenance: record.provenance })
+}
+
+impl Job {
+    /// Identity of the job.
+    pub fn hash(&self) -> JobHash {
+        JobHash(Sha256::digest(encode_description(self)).into())
+    }
 }
 
 #[cfg(test)]

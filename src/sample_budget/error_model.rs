@@ -56,8 +56,8 @@ impl ErrorModel {
     pub(super) fn error(&self, samples: f64) -> f64 {
         let least = f64::from(FEW_SAMPLES).min(self.samples);
         let few = self.square * (self.samples / samples.max(least)).powf(self.power);
-        let cleaned = few * (least / samples).max(1.0);
-        cleaned.min(self.noise / samples).max(0.0).sqrt()
+        let denoised = few * (least / samples).max(1.0);
+        denoised.min(self.noise / samples).max(0.0).sqrt()
     }
 
     /// Number of sample pairs that reduces the error to this, within bounds.

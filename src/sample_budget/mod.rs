@@ -88,22 +88,22 @@ pub fn choose_samples(
     if let Some(samples) = known {
         watch.note(&format!("{}: goes on with {samples} samples per pixel", path.display()));
     }
-    let cleans = pack.for_source(true).denoise && pack.basis.is_none();
-    if known.is_some() && rule.error.is_none() && !(rule.packs && cleans) {
+    let denoises = pack.for_source(true).denoise && pack.basis.is_none();
+    if known.is_some() && rule.error.is_none() && !(rule.packs && denoises) {
         return Ok(ChosenSamples { loaded, promise: None });
     }
     let job = job_of(&loaded)?;
     let windows = spread_windows(job.shape, WINDOWS);
     let mut need = tracing_need(&loaded, &job);
     need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
-    if cleans {
-        let cleaning = DenoisedSource::need_of_windows(&job, need.per_thread_bytes, WINDOW);
-        need = ResourceEstimate { fixed_bytes: need.fixed_bytes + cleaning.fixed_bytes, ..cleaning };
+    if denoises {
+        let denoising = DenoisedSource::need_of_windows(&job, need.per_thread_bytes, WINDOW);
+        need = ResourceEstimate { fixed_bytes: need.fixed_bytes + denoising.fixed_bytes, ..denoising };
     }
     let threads = Threads::new(need.threads_within("a pilot", pack.memory_bytes)?)?;
     let settings = settings_of(&loaded);
     let scene = Arc::new(loaded.scene);
-    let pilot = Pilot { scene: &scene, settings, job: &job, cleans, threads: &threads, watch };
+    let pilot = Pilot { scene: &scene, settings, job: &job, denoises, threads: &threads, watch };
     let found = match known {
         Some(_) => pilot.references(windows).map(|references| (None, Some(references))),
         None => pilot.run(windows, rule, begun).map(|(found, references)| (Some(found), references)),
@@ -125,7 +125,7 @@ pub fn choose_samples(
     }
     let promise = references.map(|(windows, references)| ErrorMonitor {
         asked: rule.error,
-        cleans,
+        denoises,
         windows,
         references,
         packed: Mutex::default(),

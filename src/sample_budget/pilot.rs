@@ -26,7 +26,7 @@ pub(super) struct Pilot<'a> {
     pub(super) scene: &'a Arc<Scene>,
     pub(super) settings: TraceSettings,
     pub(super) job: &'a Job,
-    pub(super) cleans: bool,
+    pub(super) denoises: bool,
     pub(super) threads: &'a Threads,
     pub(super) watch: &'a dyn Progress,
 }
@@ -50,11 +50,11 @@ impl Pilot<'_> {
         Tracer::new(Arc::clone(self.scene), self.job.shape, settings).map(Tracer::with_column_scales)
     }
 
-    fn images(&self, tracer: &Tracer, windows: &[Vec<BlockId>], cleans: bool) -> Result<WindowImages> {
+    fn images(&self, tracer: &Tracer, windows: &[Vec<BlockId>], denoises: bool) -> Result<WindowImages> {
         let mut job = self.job.clone();
         job.basis.set_column_scales(tracer.column_scales().to_vec())?;
         let blocks = Blocks { source: tracer, job: &job, windows };
-        blocks.images(cleans, self.threads, "a pilot", self.watch)
+        blocks.images(denoises, self.threads, "a pilot", self.watch)
     }
 
     /// Independent samples of windows.
@@ -82,12 +82,12 @@ impl Pilot<'_> {
         let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
         let tracing = Instant::now();
         // If only a time is given, denoising only measures its own duration.
-        let cleans = self.cleans && (rule.error.is_some() || rule.packs);
-        let mut few = self.images(&tracer, &windows, cleans)?;
-        let tracing = tracing.elapsed().as_secs_f64() - few.cleaning_seconds;
-        let cleaning = if rule.packs { few.cleaning_seconds * share } else { 0.0 };
+        let denoises = self.denoises && (rule.error.is_some() || rule.packs);
+        let mut few = self.images(&tracer, &windows, denoises)?;
+        let tracing = tracing.elapsed().as_secs_f64() - few.denoising_seconds;
+        let denoising = if rule.packs { few.denoising_seconds * share } else { 0.0 };
         let seconds = Seconds {
-            fixed: preparing - photons.seconds + cleaning,
+            fixed: preparing - photons.seconds + denoising,
             per_photon: photons.seconds / photons.sent.max(1) as f64,
             per_sample: tracing / f64::from(FEW_SAMPLES) * share,
         };
@@ -98,19 +98,19 @@ impl Pilot<'_> {
             windows.truncate(if rule.error.is_some() { in_time.max(1) } else { in_time });
         }
         // Without an error to reach, that of packed images is still measured if time allows.
-        if windows.is_empty() || rule.error.is_none() && !cleans {
+        if windows.is_empty() || rule.error.is_none() && !denoises {
             let law = ErrorModel::of_noise(worst(&noise_squares(&few.sampled)), FEW_SAMPLES);
             return Ok((PilotResult { law, of_packed: false, seconds }, None));
         }
         let at_hand = windows.concat();
         few.shown.retain(|id, _| at_hand.contains(id));
         let tracer = tracer.with_settings(self.settings(1, MORE_SAMPLES))?;
-        let first = self.images(&tracer, &windows, self.cleans)?;
+        let first = self.images(&tracer, &windows, self.denoises)?;
         let tracer = tracer.with_settings(self.settings(2, MORE_SAMPLES))?;
-        let second = self.images(&tracer, &windows, self.cleans)?;
+        let second = self.images(&tracer, &windows, self.denoises)?;
         let mean = |a: [f64; PROBES], b: [f64; PROBES]| std::array::from_fn(|probe| 0.5 * (a[probe] + b[probe]));
         let noise = worst(&mean(noise_squares(&first.sampled), noise_squares(&second.sampled)));
-        let law = match self.cleans {
+        let law = match self.denoises {
             true => {
                 let of_first = error_squares(&first.shown, [&second.sampled]);
                 let of_second = error_squares(&second.shown, [&first.sampled]);
@@ -119,7 +119,7 @@ impl Pilot<'_> {
             }
             false => ErrorModel::of_noise(noise, MORE_SAMPLES),
         };
-        Ok((PilotResult { law, of_packed: self.cleans, seconds }, Some((windows, [first.sampled, second.sampled]))))
+        Ok((PilotResult { law, of_packed: self.denoises, seconds }, Some((windows, [first.sampled, second.sampled]))))
     }
 }
 
@@ -133,7 +133,7 @@ impl PilotResult {
         };
         // Pairs of samples, so that the noise is known and both halves have the same number. Below the pilot's least
         // number the denoiser's error would be a guess.
-        let least = if pilot.cleans { FEW_SAMPLES / 2 } else { 1 };
+        let least = if pilot.denoises { FEW_SAMPLES / 2 } else { 1 };
         let by_error = rule.error.map(|error| self.law.pairs(error, least..=most));
         let by_time = rule.seconds.map(|end| {
             let left = TRACING_SHARE * end - begun.elapsed().as_secs_f64();
@@ -157,5 +157,5 @@ impl PilotResult {
 }
 
 /// Descriptions of the images that an error refers to.
-const PACKED: &str = "in exposed images of the packed, cleaned matrix, the worst of 16 lightings";
-const RAW: &str = "in exposed images of the matrix as it is, not cleaned, the worst of 16 lightings";
+const PACKED: &str = "in exposed images of the packed, denoised matrix, the worst of 16 lightings";
+const RAW: &str = "in exposed images of the matrix as it is, not denoised, the worst of 16 lightings";

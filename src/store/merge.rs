@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource};
 
-use super::record::BlockRecord;
+use super::record::TileRecord;
 use super::{BlockDamage, FileStorage, StoreReader, StoreWriter, partial_path};
 
 /// Result of a merge.
@@ -109,7 +109,7 @@ fn tiles_fit(one: &StoreReader<FileStorage>, other: &StoreReader<FileStorage>) -
 #[derive(Default)]
 struct MergedBlock<'a> {
     /// The input to copy it from; none if the output has it already, or nobody does.
-    source: Option<(&'a StoreReader<FileStorage>, BlockRecord)>,
+    source: Option<(&'a StoreReader<FileStorage>, TileRecord)>,
     /// Where it is damaged, if nobody has a good copy.
     damaged: Vec<(PathBuf, BlockDamage)>,
 }
@@ -121,7 +121,7 @@ fn look_for<'a>(
     before: &'a StoreReader<FileStorage>,
     scratch: &mut Vec<u8>,
 ) -> Result<MergedBlock<'a>> {
-    let mut good: Option<(&StoreReader<FileStorage>, BlockRecord)> = None;
+    let mut good: Option<(&StoreReader<FileStorage>, TileRecord)> = None;
     let mut found = MergedBlock::default();
     let mut take = |reader: &'a StoreReader<FileStorage>| -> Result<()> {
         let record = reader.record(id).and_then(|record| match record {

@@ -18,7 +18,7 @@ use crate::matrix::{
 use super::header::StoreHeader;
 use super::layout::READING_BYTES;
 use super::planes::decode_planes;
-use super::record::{BlockRecord, UnverifiedRecord};
+use super::record::{TileRecord, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact};
 use super::tile::SideData;
@@ -184,7 +184,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The believed record of a block.
-    pub(super) fn record(&self, id: BlockId) -> Result<Option<BlockRecord>> {
+    pub(super) fn record(&self, id: BlockId) -> Result<Option<TileRecord>> {
         let mut verdict = Ok(None);
         // A record may be caught while a writer puts it there: look again before calling it damaged.
         for _ in 0..3 {
@@ -207,7 +207,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The record of a block that must be there.
-    fn committed_record(&self, id: BlockId) -> Result<BlockRecord> {
+    fn committed_record(&self, id: BlockId) -> Result<TileRecord> {
         self.check_id(id)?;
         self.record(id)?.ok_or_else(|| {
             let problem = format!("{id} is not committed");
@@ -227,7 +227,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The believed side data of a block that has a tile.
-    pub(super) fn side_data(&self, id: BlockId, record: &BlockRecord) -> Result<SideData> {
+    pub(super) fn side_data(&self, id: BlockId, record: &TileRecord) -> Result<SideData> {
         let layout = &self.header.layout;
         let rows = layout.shape.rect(id).rows();
         let columns = layout.column_bytes(rows as u64, record.stored());
@@ -241,7 +241,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The checked bytes of a block's planes; `scratch` is reused. None where it stores none.
-    fn planes_of<'a>(&self, id: BlockId, record: &BlockRecord, scratch: &'a mut Vec<u8>) -> Result<Option<&'a [u8]>> {
+    fn planes_of<'a>(&self, id: BlockId, record: &TileRecord, scratch: &'a mut Vec<u8>) -> Result<Option<&'a [u8]>> {
         let Some(planes) = record.planes else { return Ok(None) };
         let layout = &self.header.layout;
         let bytes = record.planes_bytes(layout, layout.shape.rect(id).rows() as u64);
@@ -265,7 +265,7 @@ impl<S: Storage> StoreReader<S> {
     fn decode_planes(
         &self,
         id: BlockId,
-        record: &BlockRecord,
+        record: &TileRecord,
         target: Option<BlockPlanes>,
     ) -> Result<Option<BlockPlanes>> {
         if !self.header.planes_known {
@@ -320,7 +320,7 @@ impl<S: Storage> StoreReader<S> {
     fn read_noise(
         &self,
         id: BlockId,
-        record: &BlockRecord,
+        record: &TileRecord,
         side: &SideData,
         noise: &mut Option<BlockNoise>,
     ) -> Result<()> {
@@ -434,7 +434,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// Checks every byte that a committed block stores, without decoding it. `scratch` is reused.
-    pub(super) fn check_block(&self, id: BlockId, record: &BlockRecord, scratch: &mut Vec<u8>) -> Result<()> {
+    pub(super) fn check_block(&self, id: BlockId, record: &TileRecord, scratch: &mut Vec<u8>) -> Result<()> {
         if record.length == 0 {
             return Ok(());
         }
@@ -574,7 +574,7 @@ impl<S: Storage> BlockSource for StoreReader<S> {
 }
 
 /// The noise of a block that stores none.
-fn zero_noise(record: &BlockRecord, rows: usize, columns: usize) -> Option<BlockNoise> {
+fn zero_noise(record: &TileRecord, rows: usize, columns: usize) -> Option<BlockNoise> {
     debug_assert!(record.noise == NOISE_NONE || record.noise == NOISE_ZERO);
     (record.noise == NOISE_ZERO).then(|| BlockNoise {
         row_variance: vec![0.0; rows],

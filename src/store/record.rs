@@ -45,7 +45,7 @@ pub(super) struct UnverifiedRecord(pub(super) [u8; RECORD_BYTES as usize]);
 
 /// The content of a verified record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct BlockRecord {
+pub(super) struct TileRecord {
     /// Bytes of the tile, from the start of the slot; 0 for a block that holds nothing.
     pub(super) length: u64,
     /// Columns that are not zero throughout.
@@ -69,7 +69,7 @@ pub(super) struct PlanesRecord {
     pub(super) checksum: u32,
 }
 
-impl BlockRecord {
+impl TileRecord {
     /// Probes that lie in the tile.
     pub(super) fn stored_probes(&self) -> u32 {
         if self.noise == NOISE_STORED { self.probes } else { 0 }
@@ -125,7 +125,7 @@ impl UnverifiedRecord {
 
     /// Believes the record once its checksum holds and it says nothing that the layout does not allow; `None` for a
     /// block that is not committed. Errors, as plain text for the caller to place.
-    pub(super) fn verify(&self, layout: &StoreLayout, id: BlockId) -> Result<Option<BlockRecord>, String> {
+    pub(super) fn verify(&self, layout: &StoreLayout, id: BlockId) -> Result<Option<TileRecord>, String> {
         if self.is_blank() {
             return Ok(None);
         }
@@ -136,7 +136,7 @@ impl UnverifiedRecord {
         let RecordBytes { length, stored_columns, probes, noise, side_checksum, .. } = fields;
         let stored = PlanesRecord { seen: fields.seen, checksum: fields.planes_checksum };
         let planes = (fields.planes == PLANES_STORED).then_some(stored);
-        let record = BlockRecord { length, stored_columns, probes, noise, side_checksum, planes };
+        let record = TileRecord { length, stored_columns, probes, noise, side_checksum, planes };
         let rows = layout.shape.rect(id).rows() as u64;
         let planes_fit = match planes {
             Some(planes) => layout.has_planes() && u64::from(planes.seen) <= layout.most_seen(rows),

@@ -2,7 +2,7 @@
 //! them.
 
 use super::StoreLayout;
-use super::record::BlockRecord;
+use super::record::TileRecord;
 
 /// Which columns a tile holds, their checksums and scales, and the variances of the noise.
 #[derive(Debug, Default, PartialEq)]
@@ -37,12 +37,7 @@ impl SideData {
 
     /// Reads it back from the bytes after the columns and probes, whose checksum has been found to hold. Errors, as
     /// plain text for the caller to place: what contradicts the record.
-    pub(super) fn decode(
-        bytes: &[u8],
-        layout: &StoreLayout,
-        rows: usize,
-        record: &BlockRecord,
-    ) -> Result<Self, String> {
+    pub(super) fn decode(bytes: &[u8], layout: &StoreLayout, rows: usize, record: &TileRecord) -> Result<Self, String> {
         let columns = layout.shape.columns();
         let stored = record.stored() as usize;
         let noise = record.noise == super::NOISE_STORED;

@@ -4,7 +4,7 @@ use crate::matrix::{BlockNoise, BlockView, ColumnIndex, TracedBlock};
 
 use super::layout::STAGING_BYTES;
 use super::planes::encode_planes;
-use super::record::{BlockRecord, PlanesRecord};
+use super::record::{PlanesRecord, TileRecord};
 use super::storage::{Storage, write_all};
 use super::tile::SideData;
 use super::{NOISE_NONE, NOISE_STORED, NOISE_ZERO, Precision, StoreLayout};
@@ -17,7 +17,7 @@ pub(super) struct TileWriter<'a, S> {
 
 impl<S: Storage> TileWriter<'_, S> {
     /// Writes a block's tile at `slot`, which nobody else may do meanwhile, and returns its record.
-    pub(super) fn write(&self, slot: u64, block: &TracedBlock) -> std::io::Result<BlockRecord> {
+    pub(super) fn write(&self, slot: u64, block: &TracedBlock) -> std::io::Result<TileRecord> {
         let (view, noise) = (block.block.view(), block.noise.as_ref());
         let rows = view.rows();
         let is_zero = |values: &[f32]| values.iter().all(|value| value.to_bits() == 0);
@@ -36,7 +36,7 @@ impl<S: Storage> TileWriter<'_, S> {
             ..SideData::default()
         };
         let probes = noise.map_or(0, |noise| (noise.probes.len() / rows) as u32);
-        let mut record = BlockRecord {
+        let mut record = TileRecord {
             length: 0,
             stored_columns: side.columns.len() as u32,
             probes,

@@ -13,7 +13,7 @@ use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 use super::header::{StoreHeader, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
 use super::place::{StorePaths, check_output, claim_origin, partial_path};
-use super::record::{BlockRecord, UnverifiedRecord};
+use super::record::{TileRecord, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile_writer::TileWriter;
@@ -247,7 +247,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Goes through all records but the blank ones and returns the blocks for which `visit` says so.
-    fn scan_records(&self, visit: impl Fn(BlockId, Result<BlockRecord, String>) -> bool) -> Result<Vec<BlockId>> {
+    fn scan_records(&self, visit: impl Fn(BlockId, Result<TileRecord, String>) -> bool) -> Result<Vec<BlockId>> {
         let mut chosen = Vec::new();
         let mut table = vec![0; 1 << 16];
         let count = self.layout.shape.block_count();
@@ -313,7 +313,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Makes a hole of everything in which nothing is stored.
-    pub(super) fn clear_unused(&self, record: impl Fn(BlockId) -> Result<Option<BlockRecord>>) -> Result<()> {
+    pub(super) fn clear_unused(&self, record: impl Fn(BlockId) -> Result<Option<TileRecord>>) -> Result<()> {
         let failed = || Error::io(&self.place.grows, "clear what is not used");
         let shape = self.layout.shape;
         let table_end = self.layout.record_offset(BlockId(shape.block_count()));
@@ -333,7 +333,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Writes a block's tile. `commit` has made sure that nobody else does.
-    fn write_tile(&self, id: BlockId, block: &TracedBlock) -> std::io::Result<BlockRecord> {
+    fn write_tile(&self, id: BlockId, block: &TracedBlock) -> std::io::Result<TileRecord> {
         let tile = TileWriter { storage: &self.storage, layout: &self.layout };
         let record = tile.write(self.layout.slot_offset(id), block)?;
         self.clear_rest(id, record.length)?;
@@ -418,7 +418,7 @@ impl<S: Storage> StoreWriter<S> {
     pub(super) fn copy_tile(
         &self,
         id: BlockId,
-        record: &BlockRecord,
+        record: &TileRecord,
         from: &StoreReader<impl Storage>,
         scratch: &mut Vec<u8>,
     ) -> Result<()> {
@@ -445,7 +445,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Runs `write_tile` on a block that nobody else is writing, makes what it wrote durable, then its record.
-    fn commit(&self, id: BlockId, write_tile: impl FnOnce() -> std::io::Result<BlockRecord>) -> Result<()> {
+    fn commit(&self, id: BlockId, write_tile: impl FnOnce() -> std::io::Result<TileRecord>) -> Result<()> {
         let state = &self.states[id.index()];
         if state.compare_exchange(EMPTY, BUSY, Ordering::AcqRel, Ordering::Acquire).is_err() {
             return Err(Error::input(format!("{id}"), "was written before", "this is a fault of the program"));

@@ -75,7 +75,7 @@ fn alone(basis: &LightBasis) -> Vec<(String, Lighting)> {
 }
 
 /// Renders a scene, packs it, and holds the image under each light alone against that of the raw matrix. Gives the images and the sizes
-/// of the packs: cleaned, and not.
+/// of the packs: denoised, and not.
 fn packed_alone(loaded: ltm::scene::LoadedScene, folder: &Path) -> (Vec<LinearImage>, [u64; 2]) {
     let raw = folder.join("room.ltm");
     pipeline::render(loaded, &raw, &RenderOptions::default(), &NoProgress).unwrap();
@@ -92,7 +92,7 @@ fn packed_alone(loaded: ltm::scene::LoadedScene, folder: &Path) -> (Vec<LinearIm
                 relighter.relight(&lighting).unwrap(),
                 relight_raw(&matrix, std::slice::from_ref(&lighting)).unwrap().remove(0),
             );
-            // Cleaning and leaving out noise keep the mean: within a hundredth, as noise of the samples goes one way or the other.
+            // Denoising and leaving out noise keep the mean: within a hundredth, as noise of the samples goes one way or the other.
             let ratio = mean(&packed) / mean(&expected);
             assert!((ratio - 1.0).abs() < 0.01, "{name} alone, denoise {denoise}: {ratio} of its light");
             images.push(packed);

@@ -126,9 +126,9 @@ fn stated() -> StatedErrors {
         noise_mean: 4.0,
         noise_worst: 5.0,
     };
-    let cleaning = DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
+    let denoising = DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
     let exposed = ExposedError { asked: 0.75, reached: 0.5 };
-    StatedErrors { lights: Some(lights), cleaning: Some(cleaning), exposed: Some(exposed) }
+    StatedErrors { lights: Some(lights), denoising: Some(denoising), exposed: Some(exposed) }
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn the_metadata_is_written_as_the_document_says() {
             ("noise worst", Value::Floats(vec![5.0])),
         ],
     );
-    let cleaning = written_as_documented(
+    let denoising = written_as_documented(
         "Cleaning errors",
         &[
             ("noise before", Value::Floats(vec![1.5])),
@@ -230,11 +230,11 @@ fn the_metadata_is_written_as_the_document_says() {
 fn each_error_is_kept_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
-    let StatedErrors { lights, cleaning, exposed } = stated();
+    let StatedErrors { lights, denoising, exposed } = stated();
     for known in 0..8 {
         let stated = StatedErrors {
             lights: lights.filter(|_| known & 1 > 0),
-            cleaning: cleaning.filter(|_| known & 2 > 0),
+            denoising: denoising.filter(|_| known & 2 > 0),
             exposed: exposed.filter(|_| known & 4 > 0),
         };
         let options = ContainerOptions { partial: true, overwrite: true, ..Default::default() };

@@ -39,7 +39,7 @@ const STATED: StatedErrors = StatedErrors {
         noise_mean: 4.0,
         noise_worst: 5.0,
     }),
-    cleaning: Some(DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 }),
+    denoising: Some(DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 }),
     exposed: Some(ExposedError { asked: 0.75, reached: 0.5 }),
 };
 

@@ -99,7 +99,7 @@ struct KnownNoise {
     /// Columns × probes, see [`probe_lightings`].
     probes: Vec<f32>,
     /// Whether images can be denoised: every column is a cluster of its own.
-    cleans: bool,
+    denoises: bool,
 }
 
 impl ImportedMatrix {
@@ -159,7 +159,7 @@ impl ImportedMatrix {
                 second: noise.second().map(|second| read(second.set, "the second rendering")).transpose()?,
                 features: ImportedFeatures::read(noise.features(), (set.width, set.height), beside, threads)?,
                 probes: Vec::new(),
-                cleans: false,
+                denoises: false,
             }),
         };
         let mut imported = Self {
@@ -186,9 +186,9 @@ impl ImportedMatrix {
         let columns = imported.job.shape.columns();
         if let Some(known) = &mut imported.known {
             known.probes = probe_lightings(&imported.job.basis);
-            known.cleans = can_be_cleaned(&imported.job);
-            if options.denoise && !known.cleans {
-                imported.warnings.push(format!("{columns} lights are too many to be cleaned: at most 32 are"));
+            known.denoises = can_be_denoised(&imported.job);
+            if options.denoise && !known.denoises {
+                imported.warnings.push(format!("{columns} lights are too many to be denoised: at most 32 are"));
             }
         }
         Ok(imported)
@@ -217,7 +217,7 @@ impl ImportedMatrix {
         self.set_column_scales()?;
         if let Some(known) = &mut self.known {
             known.probes = probe_lightings(&self.job.basis);
-            known.cleans = can_be_cleaned(&self.job);
+            known.denoises = can_be_denoised(&self.job);
         }
         Ok(())
     }
@@ -234,7 +234,7 @@ impl ImportedMatrix {
 
     /// Whether images could be denoised if their noise were known.
     pub fn wants_noise(&self) -> bool {
-        self.known.is_none() && can_be_cleaned(&self.job)
+        self.known.is_none() && can_be_denoised(&self.job)
     }
 
     /// A second pass over all rows: compares the sum of lights with the image under all lights, replaces the latter by
@@ -356,7 +356,7 @@ impl ImportedMatrix {
         let (first, other) = (divided(first), divided(other));
         let halves: Vec<f32> = first.iter().zip(&other).map(|(a, b)| 0.5 * (a - b)).collect();
         target.noise = Some(noise_of(&halves, rows, columns, &known.probes));
-        if known.cleans {
+        if known.denoises {
             let (features, feature_variance) = known.features.of(rect)?;
             let dark = || vec![0.0; rows * columns];
             let mut planes = BlockPlanes {
@@ -402,7 +402,7 @@ impl ImportedMatrix {
 }
 
 /// Whether every column is a cluster of its own, as denoising of images needs it.
-fn can_be_cleaned(job: &Job) -> bool {
+fn can_be_denoised(job: &Job) -> bool {
     Clusters::of_basis(&job.basis).count() == job.shape.columns()
 }
 
@@ -517,7 +517,7 @@ fn packing_need(
     }
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
     let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
-    let options = options.for_source(is_noise_known && can_be_cleaned(&job));
+    let options = options.for_source(is_noise_known && can_be_denoised(&job));
     let plan = CompressorPlan::new(&job.basis, shape, options.compress.clone())?;
     let need = pack::need_of(&plan, shape, ResourceEstimate::default(), options.denoise.then_some(&job));
     need.threads_within("packing", options.memory_bytes)?;

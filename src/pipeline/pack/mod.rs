@@ -46,11 +46,11 @@ const SAMPLE_BLOCKS: usize = 48;
 /// PSNR in dB of [`Target::Automatic`] for denoised images, which have no noise that would hide errors. Each of several
 /// lights alone counts as much as all together
 /// ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)). Tuned: decision 32.
-const CLEANED_DB: f64 = 72.0;
+const DENOISED_DB: f64 = 72.0;
 
 /// Largest number of components of a block of denoised images, unless another number is chosen: those of the clusters
 /// and of their residual.
-const CLEANED_RANK: usize = 64;
+const DENOISED_RANK: usize = 64;
 
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
@@ -101,10 +101,10 @@ impl PackOptions {
         let compress = &mut options.compress;
         options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor.is_some();
         if options.denoise && compress.rank == CompressSettings::default().rank {
-            compress.rank = CLEANED_RANK;
+            compress.rank = DENOISED_RANK;
         }
         if options.denoise && compress.target == Target::Automatic {
-            compress.target = Target::PsnrDb(CLEANED_DB);
+            compress.target = Target::PsnrDb(DENOISED_DB);
         }
         options
     }
@@ -172,7 +172,7 @@ pub(crate) struct Packing {
     /// Hash of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
-    cleaning: Option<DenoiseErrors>,
+    denoising: Option<DenoiseErrors>,
     promise: Option<Arc<ErrorMonitor>>,
     basis: Option<ExternalImages>,
     overwrite: bool,
@@ -219,7 +219,7 @@ impl Packing {
             writer,
             fingerprint,
             denoise,
-            cleaning: None,
+            denoising: None,
             promise: options.promise.clone(),
             basis,
             overwrite,
@@ -242,7 +242,7 @@ impl Packing {
         let absent =
             |id: BlockId, _: &mut TracedBlock| Err(Error::damaged(&address, format!("{id} is missing"), "merge again"));
         if self.denoise {
-            return self.run_cleaned(compressor.into_plan(), Some(shards), stage, watch, absent);
+            return self.run_denoised(compressor.into_plan(), Some(shards), stage, watch, absent);
         }
         let own = std::mem::replace(&mut self.analysed.records, Records::Shards(shards));
         own.remove()?;
@@ -330,11 +330,11 @@ impl Packing {
             let name = format!("{} and analysing", stage.name);
             return self.compress(first_pass, JobStage { name: &name, ..stage }, watch, make);
         }
-        self.run_cleaned(first_pass.into_plan(), None, stage, watch, make)
+        self.run_denoised(first_pass.into_plan(), None, stage, watch, make)
     }
 
     /// Denoises blocks, whose planes come from `shards` or are gathered from what `make` makes, and compresses them.
-    fn run_cleaned(
+    fn run_denoised(
         mut self,
         plan: CompressorPlan,
         shards: Option<ShardSet>,
@@ -343,22 +343,22 @@ impl Packing {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         // From here on columns are divided by their scales.
-        let mut cleaned = DenoisedSource::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
-        let blocks_kept = cleaned.gather(&self.threads, stage, watch, make)?;
+        let mut denoised = DenoisedSource::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
+        let blocks_kept = denoised.gather(&self.threads, stage, watch, make)?;
         match &self.basis {
-            Some(basis) => cleaned.take(basis, watch)?,
-            None => cleaned.filter(&self.threads, watch)?,
+            Some(basis) => denoised.take(basis, watch)?,
+            None => denoised.filter(&self.threads, watch)?,
         }
-        cleaned.fit(watch)?;
-        self.cleaning = cleaned.errors()?;
-        let shares = cleaned.shares_of_lights(&self.job.basis)?;
+        denoised.fit(watch)?;
+        self.denoising = denoised.errors()?;
+        let shares = denoised.shares_of_lights(&self.job.basis)?;
         let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &shares).for_blocks()?);
         let stage = JobStage { name: "analysing", work_unit: "B" };
         let packed = self.compress(first_pass, stage, watch, |id, block| {
-            cleaned.read_block(id, block)?;
+            denoised.read_block(id, block)?;
             Ok(size_of_val(block.block.entries()) as u64)
         })?;
-        cleaned.remove()?;
+        denoised.remove()?;
         Ok(PackReport { blocks_kept, ..packed })
     }
 
@@ -416,7 +416,7 @@ impl Packing {
         }
         let lights = lights.errors(cut.expected_relative_l2);
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
-        self.writer.state_errors(StatedErrors { lights: Some(lights), cleaning: self.cleaning, exposed });
+        self.writer.state_errors(StatedErrors { lights: Some(lights), denoising: self.denoising, exposed });
         let summary = self.writer.finish()?;
         self.analysed.records.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
@@ -434,7 +434,7 @@ impl Packing {
             mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
             sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
             relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
-            cleaning: self.cleaning,
+            denoising: self.denoising,
             exposed,
             lights,
             lossy_lights,
@@ -542,7 +542,7 @@ pub(crate) fn plan_of(job: &Job, options: &PackOptions) -> Result<CompressorPlan
 fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<ExternalImages>> {
     let Some(path) = &options.basis else { return Ok(None) };
     if !options.denoise {
-        let problem = "is for a matrix that is cleaned, which this is not";
+        let problem = "is for a matrix that is denoised, which this is not";
         return Err(Error::input(path.display().to_string(), problem, Hint::DenoiseMatrix));
     }
     ExternalImages::open(path, job).map(Some)
@@ -570,13 +570,13 @@ impl BlockSource for Watched<'_> {
     }
 }
 
-/// Resources of packing a matrix of this shape, or of the job that is denoised (`cleaned`). `source` is for making its
+/// Resources of packing a matrix of this shape, or of the job that is denoised (`denoised`). `source` is for making its
 /// blocks.
 pub(crate) fn need_of(
     plan: &CompressorPlan,
     shape: MatrixShape,
     source: ResourceEstimate,
-    cleaned: Option<&Job>,
+    denoised: Option<&Job>,
 ) -> ResourceEstimate {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
@@ -591,7 +591,7 @@ pub(crate) fn need_of(
     let stored = if fixed { likely } else { likely / 4 };
     // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
     let compressing = plan.needs_bytes() + 3 * candidate;
-    let cleaning = match cleaned {
+    let denoising = match denoised {
         Some(job) => DenoisedSource::need(job, source.per_thread_bytes, compressing),
         None => {
             ResourceEstimate { per_thread_bytes: source.per_thread_bytes + compressing, ..ResourceEstimate::default() }
@@ -602,12 +602,12 @@ pub(crate) fn need_of(
             + 4096 * blocks
             + 48 * columns
             + plan.global_needs_bytes()
-            + cleaning.fixed_bytes,
-        per_thread_bytes: block_bytes + cleaning.per_thread_bytes,
-        alone_bytes: cleaning.alone_bytes,
-        disk_bytes: source.disk_bytes + blocks * (likely + stored) + cleaning.disk_bytes,
+            + denoising.fixed_bytes,
+        per_thread_bytes: block_bytes + denoising.per_thread_bytes,
+        alone_bytes: denoising.alone_bytes,
+        disk_bytes: source.disk_bytes + blocks * (likely + stored) + denoising.disk_bytes,
         // The spill file; then the waiting blocks and the container, each at most half as large as a candidate.
-        most_disk_bytes: source.disk_bytes + 2 * blocks * candidate + cleaning.most_disk_bytes,
+        most_disk_bytes: source.disk_bytes + 2 * blocks * candidate + denoising.most_disk_bytes,
     }
 }
 

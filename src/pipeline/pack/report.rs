@@ -22,7 +22,7 @@ pub struct PackReport {
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
     pub relative_l2: f64,
     /// Errors of denoising, if images were denoised: see [`denoise_errors_line`](crate::light::denoise_errors_line).
-    pub cleaning: Option<DenoiseErrors>,
+    pub denoising: Option<DenoiseErrors>,
     /// The error of exposed images that was reached, if one was asked for.
     pub exposed: Option<ExposedError>,
     /// Errors of lightings of every kind: see [`light_errors_lines`](crate::light::light_errors_lines).

@@ -16,12 +16,12 @@ pub struct Compression {
     #[arg(long, default_value = "auto")]
     method: Method,
     /// What to reach over the image: 45dB (PSNR of exposed images, whatever lamps are in view), 0.01 (relative L2) or 2MiB
-    /// (bytes of the file). The noise of the samples may stop it earlier [default: 72dB for cleaned images, under each light
+    /// (bytes of the file). The noise of the samples may stop it earlier [default: 72dB for denoised images, under each light
     /// alone as well; for others as far as that noise, 50dB at most; 45dB where it is not known].
     #[arg(long, value_parser = parse_target)]
     target: Option<Target>,
     /// Components of a block at most; the rank itself for the methods other than auto [default: 64 for
-    /// cleaned images, else the method's].
+    /// denoised images, else the method's].
     #[arg(long)]
     rank: Option<usize>,
     /// Whether algorithm1 … algorithm4 choose rows and columns for each block, or once for the whole matrix, which is then
@@ -62,7 +62,7 @@ enum ScopeName {
 }
 
 impl Compression {
-    /// Whether images are to be cleaned.
+    /// Whether images are to be denoised.
     pub fn denoise(&self) -> bool {
         self.denoise == Denoise::Auto
     }
@@ -123,9 +123,9 @@ fn parse_target(text: &str) -> Result<Target, String> {
     }
 }
 
-/// Says what cleaning did, where images were cleaned, and what lightings of every kind lose.
+/// Says what denoising did, where images were denoised, and what lightings of every kind lose.
 pub fn say_errors(report: &PackReport, basis: &LightBasis) {
-    report.cleaning.iter().for_each(|errors| say!("{}", denoise_errors_line(errors)));
+    report.denoising.iter().for_each(|errors| say!("{}", denoise_errors_line(errors)));
     light_errors_lines(&report.lights, basis).iter().for_each(|line| say!("{line}"));
 }
 

@@ -1,4 +1,4 @@
-//! `ltm-pack` of arrays of images: what they are taken for, and whether they are cleaned.
+//! `ltm-pack` of arrays of images: what they are taken for, and whether they are denoised.
 
 mod outcome;
 mod program;
@@ -54,13 +54,13 @@ fn images_rendered_once_are_cleaned_where_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     write_lights(folder.path());
     let (code, said, problem) = pack(folder.path(), "");
-    assert!(code == 0 && said.contains("not cleaned: ") && said.contains("--estimate-noise"), "{said} {problem}");
+    assert!(code == 0 && said.contains("not denoised: ") && said.contains("--estimate-noise"), "{said} {problem}");
     for off in ["--denoise off --force", "--estimate-noise --denoise off --force"] {
         let (code, said, problem) = pack(folder.path(), off);
-        assert!(code == 0 && !said.contains("clean"), "{off}: {said} {problem}");
+        assert!(code == 0 && !said.contains("denois"), "{off}: {said} {problem}");
     }
     let (code, said, problem) = pack(folder.path(), "--estimate-noise --force");
-    assert!(code == 0 && said.contains("cleaning, relative L2") && !said.contains("not cleaned"), "{said} {problem}");
+    assert!(code == 0 && said.contains("denoising, relative L2") && !said.contains("not denoised"), "{said} {problem}");
     let noise = |after: &str| said.split_once(after).and_then(|(_, rest)| rest.split(' ').next()?.parse::<f64>().ok());
     let (before, after) = (noise("lights: noise ").unwrap(), noise(" before, ").unwrap());
     // Uniform noise of a tenth to each side is one of 0.058.

@@ -334,7 +334,7 @@ fn memory_stays_below_what_is_said_over_many_blocks() {
     let at = folder.path();
     let texels = "[render]\nsamples_per_pixel = 2\n\n[[light]]\nmaterial = \"lamp\"\ntexels = [6, 4]\n";
     write_room(at, texels);
-    // Cleaning takes long where code is not optimised.
+    // Denoising takes long where code is not optimised.
     for (size, denoise) in [("1536x1024", "off"), ("288x192", "auto")] {
         succeed(at, "ltm", &["render", "room.toml", "--force", "--size", size]);
         let (_, need, said) = stated_need(at, "ltm-pack", &["room.ltm", "--force", "--denoise", denoise]);

@@ -1,4 +1,4 @@
-//! Packing matrices larger than the memory that `ltm-pack` is given: by Algorithms 2 and 4 over all of it, and cleaned.
+//! Packing matrices larger than the memory that `ltm-pack` is given: by Algorithms 2 and 4 over all of it, and denoised.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated()
 
 /// Its stages follow one another: blocks by all threads, then windows of the picture, then blocks again.
 #[test]
-fn a_matrix_is_cleaned_within_what_was_stated() {
+fn a_matrix_is_denoised_within_what_was_stated() {
     let folder = tempfile::tempdir().unwrap();
     // Many columns, where the blocks take most; few, where the windows do.
     for (width, texels, allowed) in [(96, 32, 200.0), (512, 8, 400.0)] {

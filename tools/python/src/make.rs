@@ -171,7 +171,7 @@ pub(crate) fn pack_store<'py>(
     pack_report(py, &report)
 }
 
-/// Writes the images that cleaning works on, with what their pixels show, as one OpenEXR file; says how many.
+/// Writes the images that denoising works on, with what their pixels show, as one OpenEXR file; says how many.
 #[pyfunction]
 pub(crate) fn write_basis(
     py: Python<'_>,

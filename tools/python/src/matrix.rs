@@ -312,11 +312,11 @@ impl Native {
                 let figures = PyDict::new(py);
                 report.provenance.iter().try_for_each(|(figure, origin)| figures.set_item(figure, origin))?;
                 known.set_item("provenance_of_errors", figures)?;
-                if let Some(errors) = container.errors().cleaning {
-                    let of_cleaning = PyDict::new(py);
-                    of_cleaning.set_item("noise_before", errors.noise_before)?;
-                    of_cleaning.set_item("noise_after", errors.noise_after)?;
-                    of_cleaning.set_item("bias", errors.bias)?;
+                if let Some(errors) = container.errors().denoising {
+                    let of_denoising = PyDict::new(py);
+                    of_denoising.set_item("noise_before", errors.noise_before)?;
+                    of_denoising.set_item("noise_after", errors.noise_after)?;
+                    of_denoising.set_item("bias", errors.bias)?;
                     known.set_item("cleaning_errors", of_cleaning)?;
                 }
                 if let Some(error) = container.errors().exposed {

@@ -83,7 +83,7 @@ def test_blocks_from_an_iterator_pack_as_the_array_does(images, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.ltc", "b.ltc", "c.ltm", "d.ltm"]
 
 
-def test_images_can_be_cleaned_elsewhere(tmp_path):
+def test_images_can_be_denoised_elsewhere(tmp_path):
     ltm.render(ROOM, tmp_path / "a.ltm", samples=8, block_side=16)
     count = ltm.write_basis(tmp_path / "a.ltm", tmp_path / "b.exr")
     assert count >= 1 and (tmp_path / "b.exr").stat().st_size > 0
@@ -94,7 +94,7 @@ def test_images_can_be_cleaned_elsewhere(tmp_path):
     ltm.pack(tmp_path / "a.ltm", tmp_path / "raw.ltc", denoise=False)
     with ltm.open(tmp_path / "own.ltc") as own, ltm.open(tmp_path / "given.ltc") as given:
         with ltm.open(tmp_path / "raw.ltc") as raw:
-            # The images that were not cleaned at all are not those of our own cleaning.
+            # The images that were not denoised at all are not those of our own denoising.
             a, b, c = (m.relight(m.scene_weights) for m in (own, given, raw))
             assert not np.array_equal(a, b) and not np.array_equal(a, c)
     with pytest.raises(FileNotFoundError, match="none.exr"):

@@ -236,7 +236,7 @@ def pack(
     ``target``: "45dB" (PSNR), "0.01" (relative L2 error), "2MiB" (size); None: as near as the noise lets it be of use.
     ``rank``: components of a block at most. ``keep_noise``: follow the matrix through its noise. ``denoise``: clean the
     images first, where a renderer kept the samples apart. ``basis``: images of :func:`write_basis` that another denoiser
-    has cleaned, of a ``.ltm``. Ctrl-C keeps what is analysed; the same call continues.
+    has denoised, of a ``.ltm``. Ctrl-C keeps what is analysed; the same call continues.
 
     Entries that are not finite are replaced and counted in the report. Raises ValueError for shapes and names,
     FileExistsError, FileNotFoundError, MemoryError for a budget, KeyboardInterrupt.
@@ -283,8 +283,8 @@ def write(
 def write_basis(
     matrix: _Path, path: _Path, *, overwrite: bool = False, memory: int | None = None, progress: Progress = None
 ) -> int:
-    """Writes the images that cleaning works on, with albedo, normals and depth, of a rendered ``.ltm`` as one OpenEXR file:
-    layers ``basis.00`` onwards. Cleaned by a denoiser of your choice they are ``basis`` of :func:`pack`. Says how many.
+    """Writes the images that denoising works on, with albedo, normals and depth, of a rendered ``.ltm`` as one OpenEXR file:
+    layers ``basis.00`` onwards. Denoised by a denoiser of your choice they are ``basis`` of :func:`pack`. Says how many.
 
     Raises FileExistsError, FileNotFoundError, ValueError for a matrix that does not know its samples, DamagedError,
     MemoryError, KeyboardInterrupt.

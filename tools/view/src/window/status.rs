@@ -79,9 +79,9 @@ fn worth(ui: &mut Ui, document: &Document) {
     let is_far = document.session.stated_error().is_some_and(|error| error > FAR);
     ui.label(if is_far { error.color(ACCENT) } else { error })
         .on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
-    if let Some(errors) = &container.errors().cleaning {
+    if let Some(errors) = &container.errors().denoising {
         let percent = |share: f32| share * 100.0;
-        let text = format!("cleaned: noise {:.1} %, bias {:.1} %", percent(errors.noise_after), percent(errors.bias));
+        let text = format!("denoised: noise {:.1} %, bias {:.1} %", percent(errors.noise_after), percent(errors.bias));
         ui.label(weak(text)).on_hover_text(denoise_errors_line(errors));
     }
     let read = format!("{} read", human_bytes(meter.bytes_read.load(Ordering::Relaxed)));

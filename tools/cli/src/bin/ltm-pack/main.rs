@@ -28,9 +28,9 @@ use ltm_cli::{names, say};
   ltm-pack room.ltm -o paper.ltc --method proposed --rank 32
   ltm-pack room.ltm -o global.ltc --method algorithm4 --scope global --rank 64
   ltm-pack room.ltm --verify             compares every entry with the matrix afterwards
-  ltm-pack room.ltm --basis clean.exr    with images that another denoiser has cleaned
+  ltm-pack room.ltm --basis clean.exr    with images that another denoiser has made
   ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, LuxCore
-  ltm-pack seed1.exr --second seed2.exr -o room.ltc   rendered twice: cleaned of noise
+  ltm-pack seed1.exr --second seed2.exr -o room.ltc   rendered twice: denoised of noise
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
   ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
   ltm-pack lights.npz -o room.ltc        images [lights, height, width, 3], lights: their names
@@ -53,7 +53,7 @@ struct Arguments {
     /// Compare every entry with the input afterwards; prints the error of each block and the worst place.
     #[arg(long)]
     verify: bool,
-    /// Take the images of `ltm-unpack --basis` back, cleaned by a denoiser of your choice, in place of cleaning them here.
+    /// Take the images of `ltm-unpack --basis` back, denoised by a denoiser of your choice, in place of denoising them here.
     #[arg(long, value_name = "EXR")]
     basis: Option<PathBuf>,
     #[command(flatten)]
@@ -73,14 +73,14 @@ struct Images {
     #[arg(long, value_name = "REGEX")]
     layers: Option<LayerPattern>,
     /// The same lights rendered once more with another seed, given as the first are: from the two the noise is known, and the
-    /// images, whose mean is taken, are cleaned of it.
+    /// images, whose mean is taken, are denoised of it.
     #[arg(long, value_name = "IMAGES")]
     second: Option<PathBuf>,
     /// Clean images that were rendered once: their noise is estimated from what each pixel differs by from those beside it. A texture that
     /// no albedo tells of is taken for noise; --second knows better.
     #[arg(long, conflicts_with = "second")]
     estimate_noise: bool,
-    /// An OpenEXR file with albedo, normal and depth of what is seen, which cleaning heeds [default: the layers of the images'
+    /// An OpenEXR file with albedo, normal and depth of what is seen, which denoising heeds [default: the layers of the images'
     /// own files].
     #[arg(long, value_name = "EXR")]
     features: Option<PathBuf>,
@@ -142,12 +142,12 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = images.block_side.unwrap_or(MatrixShape::DEFAULT_BLOCK_SIDE);
     let second_set = images.second.as_ref().map(|path| LightSet::open(path, images.layers.as_ref())).transpose()?;
-    let cleans = images.second.is_some() || images.estimate_noise;
-    if images.features.is_some() && !cleans {
+    let denoises = images.second.is_some() || images.estimate_noise;
+    if images.features.is_some() && !denoises {
         let hint = "give --second or --estimate-noise too";
-        return Err(Error::input("--features", "is for cleaning, which wants to know the noise", hint));
+        return Err(Error::input("--features", "is for denoising, which wants to know the noise", hint));
     }
-    let passes = match (&images.features, cleans) {
+    let passes = match (&images.features, denoises) {
         (_, false) => [None, None],
         (Some(path), true) => [Some(FeaturePasses::open(path)?), None],
         (None, true) => {
@@ -166,7 +166,7 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     tables::print_matches(&matrix);
     if matrix.wants_noise() && arguments.compression.denoise() {
         say!(
-            "not cleaned: the noise of images rendered once is not known; --estimate-noise guesses it, --second measures it"
+            "not denoised: the noise of images rendered once is not known; --estimate-noise guesses it, --second measures it"
         );
     }
     pack(&matrix, matrix.job(), &output, arguments, console)

@@ -26,7 +26,7 @@ use ltm_cli::say;
   ltm-unpack room.ltc -o part.npy --crop 64,32,256x128 --lights 'sun,key*'
   ltm-unpack room.ltm -o lights.npy            the same of a stored matrix, as it was rendered
   ltm-unpack room.ltm -o desk.ltm --lights 'desk*' --crop 64,32,256x128
-  ltm-unpack room.ltm --basis b.exr            images to clean elsewhere, for ltm-pack --basis
+  ltm-unpack room.ltm --basis b.exr            images to denoise elsewhere, for ltm-pack --basis
 
 {EXIT_CODES}"))]
 struct Arguments {
@@ -35,7 +35,7 @@ struct Arguments {
     /// What to write; the extension decides: .ltm, .exr or .npy. With {light} in the name: a file for each light.
     #[arg(short, long, required_unless_present = "basis")]
     output: Option<PathBuf>,
-    /// Write the images that cleaning works on, with albedo and normals, as one EXR: to be cleaned by a denoiser of your choice
+    /// Write the images that denoising works on, with albedo and normals, as one EXR: to be denoised by a denoiser of your choice
     /// and given to ltm-pack --basis.
     #[arg(long, value_name = "EXR", conflicts_with_all = ["output", "relit", "on", "lights", "crop", "blocks"])]
     basis: Option<PathBuf>,
@@ -145,6 +145,6 @@ fn write_basis(arguments: &Arguments, console: &Console) -> Result<()> {
     let images = pipeline::write_basis(&matrix, output, arguments.memory, console)?;
     say!("{}: {images} images and what their pixels show", output.display());
     say!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
-    say!("next: clean them into clean.exr, say, then ltm-pack {} --basis clean.exr", arguments.input.display());
+    say!("next: denoise them into clean.exr, say, then ltm-pack {} --basis clean.exr", arguments.input.display());
     Ok(())
 }

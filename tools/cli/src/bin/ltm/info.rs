@@ -238,7 +238,7 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
         "  all on     {}",
         known(figures.worst_uniform, format!("at most {:.2e} relative L2 of a block's pixels", figures.worst_uniform))
     );
-    if let Some(errors) = &container.errors().cleaning {
+    if let Some(errors) = &container.errors().denoising {
         say!("  {}", denoise_errors_line(errors));
     }
     if let Some(error) = &container.errors().exposed {

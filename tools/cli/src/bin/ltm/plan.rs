@@ -80,7 +80,7 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
     let begun = std::time::Instant::now();
     let job = plan.load(None, options.memory, false, console)?;
     let loading_seconds = begun.elapsed().as_secs_f64();
-    let (shape, cleans) = (job.job().shape, job.cleans());
+    let (shape, denoises) = (job.job().shape, job.denoises());
     plan.fingerprint = job.fingerprint();
     plan.value["fingerprint"] = json!(plan.fingerprint);
     plan.value["job"] = json!(job.job().hash().0.iter().map(|byte| format!("{byte:02x}")).collect::<String>());

@@ -29,7 +29,7 @@ pub(crate) struct Render {
     #[command(flatten)]
     overrides: Overrides,
     /// As many samples as bring the expected error of an exposed, relit image down to this, for example 2% (of white; the
-    /// worst of 16 lightings): of the packed, cleaned matrix, or of the matrix as it is with --denoise off. What was reached is
+    /// worst of 16 lightings): of the packed, denoised matrix, or of the matrix as it is with --denoise off. What was reached is
     /// said, and kept in a container.
     #[arg(long, value_parser = parse_error, conflicts_with_all = ["samples", "blocks"])]
     error: Option<f64>,
@@ -136,7 +136,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let report = pipeline::render(loaded, &output, &render, console)?;
     print_report(&output, &report);
     if let Some(promise) = &promise {
-        let of = if promise.cleans() { "as ltm-pack will clean it" } else { "of the matrix as it is" };
+        let of = if promise.denoises() { "as ltm-pack will denoise it" } else { "of the matrix as it is" };
         let error = promise.reached_by(&StoreReader::open(&output)?, options.memory, console)?;
         say!("{of}:");
         say_reached(&error, samples);
