@@ -98,7 +98,7 @@
 //! | `libc` | `store` |
 //! | `memmap2` | `store`, `trace` |
 //! | `rustix` | `files`, `store` |
-//! | `sha2` | `block_records`, `container`, `denoise`, `light`, `pipeline`, `scene`, `share`, `store` |
+//! | `sha2` | `block_records`, `container`, `denoise`, `light`, `memory_matrix`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `block_records`, `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `block_records`, `denoise`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
 //! | `pulp` | `denoise`, `container`, `relight`, `store`, `trace`, `simd` |

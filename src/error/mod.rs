@@ -140,7 +140,7 @@ impl Error {
         Self::Interrupted { kept: kept.into(), hint: Hint::Continue }
     }
 
-    /// For `map_err`: an [`Error::Io`] that says what was tried on which file.
+    /// For `map_err`: an [`Error::Io`] that names the action and the file.
     pub fn io(path: impl AsRef<Path>, action: impl Into<String>) -> impl FnOnce(std::io::Error) -> Self {
         let (path, action) = (path.as_ref().to_owned(), action.into());
         move |source| Self::Io { path, action, source }

@@ -93,7 +93,9 @@ impl Lighting {
     pub fn with(mut self, pattern: &str, weight: impl Into<LightWeight>) -> Result<Self> {
         let (place, LightWeight(weight)) = (|| format!("light '{pattern}'"), weight.into());
         if !weight.iter().all(|value| value.is_finite()) {
-            return Err(Error::input(place(), format!("weight {weight:?} is not finite"), "give it a finite weight"));
+            let [r, g, b] = weight;
+            let problem = format!("weight ({r}, {g}, {b}) is not finite");
+            return Err(Error::input(place(), problem, "give it a finite weight"));
         }
         let Some(lights) = &self.lights else {
             let hint = "begin with `Lighting::of_scene` or `Lighting::off`";

@@ -213,7 +213,7 @@ fn the_metadata_is_written_as_the_document_says() {
         ("Column scales", scales),
         ("Report", report),
         ("Light errors", errors),
-        ("Cleaning errors", cleaning),
+        ("Cleaning errors", denoising),
         ("Exposed error", exposed),
     ];
     let documented = document_rows("Sections");

@@ -373,7 +373,7 @@ fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -
         "program": report.program, "method": report.method, "target": report.target, "prior": report.prior,
         "settings": report.settings, "provenance": report.provenance,
     });
-    json["cleaning_errors"] = container.errors().cleaning.map_or(
+    json["cleaning_errors"] = container.errors().denoising.map_or(
         Value::Null,
         |errors| json!({ "noise_before": errors.noise_before, "noise_after": errors.noise_after, "bias": errors.bias }),
     );

@@ -88,7 +88,7 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
         "width": shape.width(), "height": shape.height(), "columns": shape.columns(),
         "block_side": shape.block_side(), "blocks": shape.block_count(), "raw_bytes": shape.raw_bytes(),
     });
-    plan.value["cleaned"] = json!(cleans);
+    plan.value["cleaned"] = json!(denoises);
     let probe = job.probe(console)?;
     let costs = Costs { probe: &probe, blocks: shape.block_count() };
     let target = options.each.max(1e-3);
