@@ -16,19 +16,19 @@ cargo fmt --all --check
 step "lints"
 cargo clippy --workspace --all-targets --locked -- -D warnings
 step "the library without its features"
-cargo clippy -p ltm --no-default-features --locked -- -D warnings
+cargo clippy -p light-transport-matrix --no-default-features --locked -- -D warnings
 step "tests"
 cargo test --workspace --locked
 step "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
 step "the package of the library"
 # Without its own build, which shares nothing with the others: what is in the package is checked below, and does.
-cargo publish --dry-run --no-verify --allow-dirty --locked -p ltm
+cargo publish --dry-run --no-verify --allow-dirty --locked -p light-transport-matrix
 packed=$(mktemp -d)
 trap 'rm -rf "$packed"' EXIT
-cargo package --no-verify --allow-dirty --locked -p ltm
+cargo package --no-verify --allow-dirty --locked -p light-transport-matrix
 target=${CARGO_TARGET_DIR:-target}
-tar -xzf "$target"/package/ltm-*.crate -C "$packed" --strip-components 1
+tar -xzf "$target"/package/light-transport-matrix-*.crate -C "$packed" --strip-components 1
 # With all features most of what it is built of is what the Python package is built of, and is checked once for both.
 cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples --all-features
 step "the oldest Rust"
@@ -59,7 +59,7 @@ if ! cargo semver-checks --version >/dev/null 2>&1; then
 elif [ -z "$baseline" ]; then
     echo "no released version to compare with (no tag v*, no LTM_BASELINE): the public interface is not checked"
 else
-    cargo semver-checks -p ltm --baseline-rev "$baseline"
+    cargo semver-checks -p light-transport-matrix --baseline-rev "$baseline"
 fi
 step "the book"
 if command -v mdbook >/dev/null; then
