@@ -239,7 +239,10 @@ pub(super) fn u64_at(bytes: &[u8], at: usize) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{ContainerReport, metadata};
     use super::*;
+    use crate::light::{Job, Light, LightBasis, LightKind, Provenance, StatedErrors, encode_job};
+    use crate::matrix::MatrixShape;
 
     /// The rows `(offset, size, field)` of the table under a heading of `formats/ltc.md`.
     fn table(heading: &str) -> Vec<(usize, usize, String)> {
@@ -336,6 +339,21 @@ mod tests {
         assert_eq!(LayerRecord::decode(&layer.encode()), layer);
         let offset = 5u64.to_le_bytes().to_vec();
         check("Layer record", &layer.encode(), &[("offset", offset), ("bytes", le(6)), ("checksum", le(7))]);
+    }
+
+    #[test]
+    fn metadata_begin_as_the_format_document_says() {
+        let mut basis = LightBasis::new();
+        basis.push(Light::unplaced("lamp", LightKind::Lamp)).unwrap();
+        let shape = MatrixShape::new(8, 8, 1, 8).unwrap();
+        let job = Job { shape, basis, provenance: Provenance::default() };
+        let (report, errors) = (ContainerReport::default(), StatedErrors::default());
+        let metadata = metadata::encode(&job, &report, &errors);
+        // The job's sections, and that of a report of six empty texts and lists.
+        let sections = encode_job(&job).len() as u32 + 8 + 6;
+        let head = [("sections bytes", le(sections)), ("compressed", le(1))];
+        check("Metadata", &metadata[..8], &head);
+        assert!(metadata::decode(FORMAT_VERSION, &metadata).unwrap() == (job, report, errors));
     }
 
     #[test]
