@@ -44,7 +44,8 @@ fn a_packed_array_is_read_and_relit() {
         // To the rounding of sums of f32 in another order.
         assert!((all[0] - one[0] - others[0]).abs() < 1e-4 * all[0], "{all:?} {one:?} {others:?}");
     }
-    assert!(one.pixels[4][0] > 2.0 * others.pixels[4][0]);
+    // Half a pixel to the right of the lamp and below it; packed to about 40 dB.
+    assert!((one.pixels[4][0] * 25.5 / 100.0 - 1.0).abs() < 0.02, "{:?}", one.pixels[4]);
 }
 
 #[test]

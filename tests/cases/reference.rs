@@ -75,10 +75,53 @@ fn reading(path: &Path, scene: &Scene) -> Reading {
 }
 
 /// Inputs of which tobj makes something else or nothing, and why; the rows of `obj::CASES` and their likes.
-const OWN: &[(&str, &str)] = &[];
+const OWN: &[(&str, &str)] = &[
+    ("lines that end with CR, LF or both", "ends lines at LF alone: all of a file with CR is one line"),
+    ("a byte order mark of UTF-8", "takes the mark for a part of the first word, here `mtllib`"),
+    ("names in Latin-1", "reads UTF-8 alone"),
+    (
+        r"lines continued by `\`, negative indices, `f 1// 2//`",
+        "knows no lines that go on, and no empty index before or behind `/`",
+    ),
+    ("concave polygons", "cuts every polygon as a fan, which leaves a concave one"),
+    ("polygons that cross themselves", "cuts them as a fan as well, in halves of which one lies over the other"),
+    ("faces of one or two corners", "gives the file up"),
+    ("vertex 0, or one that is not there", "gives the file up"),
+    ("vertices that are no numbers", "gives the file up"),
+    ("normals that are no numbers", "gives the file up"),
+    ("decimal commas", "gives the file up"),
+    ("`mtllib` of several files", "takes the line for one name with blanks"),
+    (
+        "`mtllib` of names with blanks, bare, escaped or in quotation marks",
+        r"keeps quotation marks and `\` as parts of the name",
+    ),
+    (
+        "`mtllib` of a folder that is not there",
+        "looks nowhere else, and faces of materials without description have none",
+    ),
+];
 
 /// The same of the collections' files, by folder and name.
-const FILES: &[(&str, &str)] = &[];
+const FILES: &[(&str, &str)] = &[
+    ("30-obj-tinyobj/issue-140-zero-face-idx.obj", "gives up a file with vertex 0"),
+    ("30-obj-tinyobj/test-nan.obj", "gives up a file with vertices that are no numbers"),
+    ("31-obj-quirks/bom.obj", "takes the byte order mark for a part of the first word"),
+    ("31-obj-quirks/bom_obj_only.obj", "takes the byte order mark for a part of the first word"),
+    ("31-obj-quirks/comma_decimal.obj", "gives up a file with decimal commas"),
+    ("31-obj-quirks/concave0.obj", "cuts concave polygons as fans"),
+    ("31-obj-quirks/concave3.obj", "cuts concave polygons as fans"),
+    ("31-obj-quirks/concave5.obj", "cuts concave polygons as fans"),
+    ("31-obj-quirks/cr.obj", "ends lines at LF alone"),
+    ("31-obj-quirks/ind_normal.obj", "gives up a file with normals that are no numbers"),
+    ("31-obj-quirks/kd_empty.obj", "gives up a material file with a statement without values"),
+    ("31-obj-quirks/kd_spectral.obj", "gives up a material file with `Kd xyz`"),
+    ("31-obj-quirks/missing_mtl.obj", "has no materials without their file"),
+    ("31-obj-quirks/mtldot.obj", r"takes `.\` for a part of the name of the material file"),
+    ("31-obj-quirks/mtlquote.obj", "takes quotation marks for parts of the name of the material file"),
+    ("31-obj-quirks/negative_cont.obj", "knows no lines that go on"),
+    ("31-obj-quirks/survey_far.obj", "keeps coordinates in f32"),
+    ("33-survey-coordinates/survey_far.obj", "keeps coordinates in f32"),
+];
 
 /// Holds what was read against the reasons. Every input without a reason is read alike, and every reason is met.
 fn hold(found: &BTreeMap<String, Vec<Reading>>, reasons: &[(&str, &str)]) {
