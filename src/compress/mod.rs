@@ -47,6 +47,8 @@ pub use cluster_residual::{ClusterMap, ClusterResidual};
 pub use compressor::Compressor;
 pub use cut::{Cut, component_bits};
 pub use light_sums::{ColumnErrors, LightErrorSums};
+// What studies and tests compare with.
+#[doc(hidden)]
 pub use paper::{CurSelection, cur};
 pub use plan::CompressorPlan;
 pub use residual::Residual;

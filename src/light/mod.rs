@@ -36,5 +36,8 @@ pub use job::{DescribedSource, Job, JobHash, Provenance};
 pub use lighting::{LightWeight, Lighting};
 pub(crate) use metadata::{JOB_SECTIONS, decode_positional_job, job_of};
 pub use metadata::{decode_job, encode_job};
-pub use prior::{LightingPrior, evaluation_lightings};
+pub use prior::LightingPrior;
+// What studies and tests judge by.
+#[doc(hidden)]
+pub use prior::evaluation_lightings;
 pub use probes::{PROBES, probe_lightings};
