@@ -102,7 +102,7 @@ impl Opened {
             Source::Container(_) => Err(Error::input(
                 asked,
                 "a container holds none",
-                "open the .ltm that it was packed from, or one rendered without --pack",
+                "open the .ltm that it was packed from, or one rendered without pack=True",
             )),
         }
     }

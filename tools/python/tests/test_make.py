@@ -158,7 +158,7 @@ def test_files_of_strangers_are_read_on_demand_only(tmp_path):
     (scene / "room.toml").write_text(
         f'geometry = ["{geometry}/room.obj"]\n[camera]\neye = [0, 1, 3]\nlook_at = [0, 1, 0]\nwidth = 8\nheight = 8\n'
     )
-    with pytest.raises(ValueError, match="allow-outside"):
+    with pytest.raises(ValueError, match="allow_outside=True"):
         ltm.render(scene / "room.toml", tmp_path / "a.ltm", samples=1)
     ltm.render(scene / "room.toml", tmp_path / "a.ltm", samples=1, allow_outside=True)
     with pytest.raises(ValueError, match="camera"):
