@@ -315,7 +315,13 @@ fn what_jobs_on_containers_need_is_said_and_kept_and_too_little_refused_before_a
     for (program, arguments, _) in jobs {
         // More than the program itself, so that the images have been looked at when it is refused.
         for memory in ["1KiB", "24MiB"] {
-            fail(at, program, &[arguments, &["--memory", memory]].concat(), 6, &["are allowed; raise --memory", "of memory"]);
+            fail(
+                at,
+                program,
+                &[arguments, &["--memory", memory]].concat(),
+                6,
+                &["are allowed; raise --memory", "of memory"],
+            );
             assert_eq!(names(at), before, "{program} {arguments:?}");
         }
     }
