@@ -152,7 +152,7 @@ impl Desk {
 
     fn lose_device(&mut self, error: &Error) {
         self.device = None;
-        self.outbox.send(Event::Failed(format!("{}; relighting on the CPU", line(&error))));
+        self.outbox.send(Event::Failed(format!("{}; relighting on the CPU", line(error))));
     }
 
     /// The next wishes; while there are none, the values of what is shown are read. None after the stop.

@@ -210,7 +210,7 @@ impl Desk {
             return false;
         }
         let before = std::mem::take(&mut *self.shared.wishes());
-        self.outbox.send(Event::Failed(format!("{}; it is tried again with the next change", line(&error))));
+        self.outbox.send(Event::Failed(format!("{}; it is tried again with the next change", line(error))));
         let newer = self.shared.wait().unwrap_or_default();
         self.shared.wishes().add_older(newer);
         self.shared.wishes().add_older(before);

@@ -111,7 +111,7 @@ fn by_date(ui: &mut Ui, document: &mut Document) -> Option<[f32; 3]> {
                 format!("{:.1}° from north, {:.1}° high", angles.azimuth, angles.elevation)
             }
             Ok(_) => "below the horizon".to_owned(),
-            Err(error) => line(&error),
+            Err(error) => line(error),
         };
         ui.label(RichText::new(text).size(11.5).color(WEAK));
     });
