@@ -7,11 +7,12 @@ use std::sync::{Arc, Mutex};
 use eframe::egui::{self, Align2, Color32, FontId, RichText, Ui};
 use eframe::egui_wgpu::RenderState;
 
+use super::actions::{Action, act};
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::{Document, Opening};
 use super::event_throttle::Waiting;
 use super::file_jobs::UnderWay;
-use super::keys::{Action, act, help, pressed};
+use super::keys::{help, pressed};
 use super::layout::{Tab, show_document};
 use super::native_dialog::{NativeDialog, Outcome};
 use super::question::{Next, Question, Reply};

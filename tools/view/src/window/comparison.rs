@@ -132,3 +132,11 @@ impl Comparison {
         self.snapshots.remove(index);
     }
 }
+
+/// The numbers of a difference.
+pub(super) fn difference_in_words(difference: &Difference) -> String {
+    match difference.psnr_db.is_finite() {
+        true => format!("FLIP {:.3}   PSNR {:.1} dB", difference.flip, difference.psnr_db),
+        false => "Equal, pixel by pixel".to_owned(),
+    }
+}

@@ -4,9 +4,9 @@ use eframe::egui::{self, RichText, TextureHandle, TextureId, Ui};
 
 use super::document::Document;
 use super::light_meter::Known;
+use super::number_format::short;
 use super::shown_picture::set_texture;
 use super::theme::WEAK;
-use super::view_panel::short;
 use crate::display::Shown;
 use ltm::matrix::Feature;
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use eframe::egui::Rect;
+use eframe::egui::{Id, Rect};
 
 use crate::mixer::{LightMix, Mix};
 use crate::rows::{Listing, Order, Row, rows};
@@ -136,4 +136,9 @@ impl LightList {
 /// The lights among rows.
 pub(super) fn lights_of(rows: &[Row]) -> impl Iterator<Item = usize> {
     rows.iter().filter_map(|row| if let Row::Light { light, .. } = row { Some(*light) } else { None })
+}
+
+/// Identity of the search field, for its key.
+pub(super) fn search_id() -> Id {
+    Id::unique("search lights")
 }

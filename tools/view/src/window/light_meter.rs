@@ -6,9 +6,9 @@ use eframe::egui::{self, Color32, DragValue, Rect, RichText, Sense, TextureHandl
 
 use super::chooser::Purpose;
 use super::document::Document;
+use super::number_format::short;
 use super::shown_picture::set_texture;
 use super::theme::{ACCENT, WEAK, section};
-use super::view_panel::short;
 use crate::display::Shown;
 use crate::meter::{Area, Field, Figures, Label, Measured, Scale, coloured, labels, measure};
 use crate::surfaces::Surfaces;

@@ -3,10 +3,10 @@
 use eframe::egui::{self, Color32, RichText, Ui};
 
 use super::document::Document;
+use super::number_format::short;
 use super::pattern_editor::pattern_editor;
 use super::sun_panel::sun_of_several;
 use super::theme::{IDLE, WEAK, section, swatch};
-use super::view_panel::short;
 use crate::mixer::{LightMix, STOPS_RANGE, Tint};
 use crate::photometry::{Quantity, mean_weight, quantities, stops_to};
 use ltm::image::{KELVIN_RANGE, decode_srgb};

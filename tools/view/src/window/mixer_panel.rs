@@ -3,9 +3,10 @@
 use eframe::egui::text::{LayoutJob, TextWrapping};
 use eframe::egui::{self, Color32, Rect, Response, RichText, Role, Sense, TextEdit, Ui, WidgetInfo, pos2, vec2};
 
+use super::actions::{Action, act};
 use super::document::Document;
 use super::fader::{NUMBER, fader, stops_number};
-use super::keys::{Action, act};
+use super::light_list::search_id;
 use super::light_panel::colour_popup;
 use super::row_menu::{group_menu, light_menu};
 use super::theme::{ACCENT, IDLE, LINE, SELECTED, TEXT, TROUGH, WEAK, swatch};
@@ -118,11 +119,6 @@ fn head(ui: &mut Ui, document: &mut Document, titled: bool) {
     let search = TextEdit::singleline(&mut document.list.search).hint_text("Search  (Ctrl+P)").desired_width(width);
     ui.add(search.id(search_id()));
     ui.add_space(2.0);
-}
-
-/// Identity of the search field, for its key.
-pub(super) fn search_id() -> egui::Id {
-    egui::Id::unique("search lights")
 }
 
 fn group_row(ui: &mut Ui, document: &mut Document, group: usize, depth: usize) {

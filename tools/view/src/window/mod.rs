@@ -1,5 +1,6 @@
 //! The window over the mixer's state: egui on wgpu.
 
+mod actions;
 mod app;
 mod autosave;
 mod chooser;
@@ -16,6 +17,7 @@ mod light_meter;
 mod light_panel;
 mod mixer_panel;
 mod native_dialog;
+mod number_format;
 mod pattern_editor;
 mod picture_panel;
 mod question;

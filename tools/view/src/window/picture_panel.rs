@@ -2,12 +2,12 @@
 
 use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, vec2};
 
+use super::comparison::difference_in_words;
 use super::document::Document;
 use super::light_meter::{draw_area, draw_labels};
 use super::seen_lights::{SUN_GRIP, draw_band, draw_suns};
 use super::theme::{ACCENT, WEAK};
 use super::view_state::Beside;
-use crate::difference::Difference;
 
 /// How near, in points, the pointer must be to take hold of the wipe.
 const GRIP: f32 = 7.0;
@@ -266,14 +266,6 @@ fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &
     if let Some(difference) = document.compare.difference() {
         let bottom = picture.bottom().min(rect.bottom()) - 16.0;
         tag(painter, Align2::CENTER_CENTER, pos2(rect.center().x, bottom), &difference_in_words(difference));
-    }
-}
-
-/// The numbers of a difference.
-pub(super) fn difference_in_words(difference: &Difference) -> String {
-    match difference.psnr_db.is_finite() {
-        true => format!("FLIP {:.3}   PSNR {:.1} dB", difference.flip, difference.psnr_db),
-        false => "Equal, pixel by pixel".to_owned(),
     }
 }
 

@@ -3,8 +3,8 @@
 use eframe::egui::{self, RichText, Sense, TextEdit, Ui};
 
 use super::chooser::Purpose;
+use super::comparison::difference_in_words;
 use super::document::Document;
-use super::picture_panel::difference_in_words;
 use super::theme::{ACCENT, WEAK, section};
 use super::view_state::Beside;
 

@@ -2,10 +2,11 @@
 
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
+use super::actions::{Action, act};
 use super::document::Document;
 use super::features_view::features;
-use super::keys::{Action, act};
 use super::light_meter::light_meter;
+use super::number_format::short;
 use super::snapshots_panel::snapshots;
 use super::theme::{WEAK, section};
 use crate::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
@@ -161,17 +162,6 @@ fn scale(ui: &mut Ui, document: &Document) {
         let luminance = (stops as f32 - document.view.display.tone.exposure_stops).exp2() * gain;
         let text = short(luminance) + if stops == 0 && lumens_per_watt.is_some() { " cd/m²" } else { "" };
         ui.painter().text(at + vec2(0.0, 13.0), egui::Align2::CENTER_CENTER, text, font, WEAK);
-    }
-}
-
-/// A number in about three digits.
-pub(super) fn short(value: f32) -> String {
-    match value.abs() {
-        v if v == 0.0 || (0.001..1.0).contains(&v) => format!("{value:.3}"),
-        v if (1.0..10.0).contains(&v) => format!("{value:.2}"),
-        v if (10.0..100.0).contains(&v) => format!("{value:.1}"),
-        v if (100.0..100_000.0).contains(&v) => format!("{value:.0}"),
-        _ => format!("{value:.1e}"),
     }
 }
 
