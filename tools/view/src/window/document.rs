@@ -11,15 +11,17 @@ use super::comparison::Comparison;
 use super::features_view::FeaturesView;
 use super::file_jobs::{Errands, UnderWay};
 use super::light_list::LightList;
-use super::light_meter::{Known, LightMeter};
+use super::light_meter::{LightMeter, MeteredPicture};
 use super::pattern_editor::PatternEditorState;
 use super::requests::Requests;
 use super::shown_picture::ShownPicture;
+use super::surfaces_state::SurfacesState;
 use super::view_state::{Asked, ViewState};
 use crate::difference;
 use crate::display::Display;
 use crate::file_watch::FileChange;
 use crate::looks::Saved;
+use crate::meter::Measured;
 use crate::mixer::Mix;
 use crate::rows::Row;
 use crate::work::Work;
@@ -53,6 +55,8 @@ pub(super) struct Document {
     pub(super) list: LightList,
     /// How the picture is shown, and what was asked of it.
     pub(super) view: ViewState,
+    /// What is known of the surfaces.
+    pub(super) surfaces: SurfacesState,
     /// The light meter.
     pub(super) meter: LightMeter,
     /// The view of features.
@@ -85,6 +89,7 @@ impl Document {
             list: LightList::new(&mix),
             work: Work::new(mix),
             view: ViewState::default(),
+            surfaces: SurfacesState::default(),
             meter: LightMeter::default(),
             features: FeaturesView::default(),
             compare: Comparison::new(),
@@ -209,9 +214,7 @@ impl Document {
                 Event::Brought(Ok(Brought::Difference(of, difference))) => {
                     self.compare.take_difference(context, of, difference);
                 }
-                Event::Brought(Ok(Brought::Surfaces(surfaces))) => {
-                    self.meter.known = surfaces.map_or_else(Known::Not, Known::Surfaces);
-                }
+                Event::Brought(Ok(Brought::Surfaces(surfaces))) => self.surfaces.take(surfaces),
                 Event::Brought(brought) => {
                     self.files.beside -= 1;
                     let outcome = brought.and_then(|brought| self.take(brought).map_err(|error| error.to_string()));
@@ -236,6 +239,30 @@ impl Document {
         }
         if self.compare.snapshot_wanted {
             self.snapshot();
+        }
+    }
+
+    /// Measures what has come, where somebody looks at it.
+    fn refresh_meter(&mut self, context: &egui::Context) {
+        let Ok(lumens_per_watt) = self.lumens_per_watt() else { return self.meter.shows = None };
+        let Some(image) = self.shown.image.as_deref().filter(|_| self.meter.is_used()) else { return };
+        if self.meter.measured() == Measured::Illuminance {
+            self.surfaces.ask(&self.session);
+        }
+        let picture = MeteredPicture { generation: self.shown.valued, image, lumens_per_watt };
+        if let Err(error) = self.meter.refresh(context, &picture, self.surfaces.known()) {
+            self.files.message = Some((error.to_string(), true));
+        }
+    }
+
+    /// Has the surfaces read, and shows of them what is asked for.
+    fn refresh_features(&mut self, context: &egui::Context) {
+        if self.features.missing().is_none() {
+            return;
+        }
+        self.surfaces.ask(&self.session);
+        if let Some(surfaces) = self.surfaces.known() {
+            self.features.refresh(context, surfaces);
         }
     }
 
@@ -308,7 +335,7 @@ impl Document {
     /// Whether the whole image is complete and nothing is pending.
     pub(super) fn is_settled(&self) -> bool {
         let has_come = self.requests.are_answered() && self.shown.valued == self.shown.seen;
-        let is_measured = !self.compare.is_measuring() && !matches!(self.meter.known, Known::Reading);
+        let is_measured = !self.compare.is_measuring() && !self.surfaces.is_reading();
         let nothing_asked = !self.view.select_strongest && !self.compare.is_relighting && is_measured;
         self.shown.progress.is_complete() && has_come && nothing_asked && self.files.beside == 0
     }

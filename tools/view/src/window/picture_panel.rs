@@ -4,7 +4,7 @@ use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, v
 
 use super::comparison::difference_in_words;
 use super::document::Document;
-use super::light_meter::{draw_area, draw_labels};
+use super::meter_overlay::{draw_area, draw_labels};
 use super::seen_lights::{SUN_GRIP, draw_band, draw_suns};
 use super::theme::{ACCENT, WEAK};
 use super::view_state::Beside;

@@ -4,8 +4,8 @@ use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
 use super::actions::{Action, act};
 use super::document::Document;
-use super::features_view::features;
-use super::light_meter::light_meter;
+use super::features_panel::features;
+use super::meter_panel::light_meter;
 use super::number_format::short;
 use super::snapshots_panel::snapshots;
 use super::theme::{WEAK, section};
