@@ -5,6 +5,7 @@ use eframe::egui;
 use super::chooser::Purpose;
 use super::document::Document;
 use super::light_list::{lights_of, search_id};
+use super::selection;
 use super::shown_picture::colour_image;
 use super::view_state::Beside;
 
@@ -108,12 +109,8 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::NextLight | Action::LastLight | Action::FirstLight | Action::EndLight | Action::Light(_) => {
             select(document, action);
         }
-        Action::Switch => {
-            document.switch_chosen();
-        }
-        Action::Solo => {
-            document.solo_chosen();
-        }
+        Action::Switch => selection::switch(&document.list, &mut document.work.mix),
+        Action::Solo => selection::solo(&document.list, &mut document.work.mix),
         Action::AllOn => document.work.mix.switch_all(true),
         Action::AllOff => document.work.mix.switch_all(false),
         Action::AllLights => {
@@ -122,8 +119,8 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
             let others = lights_of(&rows).filter(|light| Some(*light) != first);
             document.list.select_all(first.into_iter().chain(others));
         }
-        Action::Group => document.group_chosen(),
-        Action::Ungroup => document.ungroup_chosen(),
+        Action::Group => selection::group(&mut document.list, &mut document.work.mix),
+        Action::Ungroup => selection::ungroup(&mut document.list, &mut document.work.mix),
         Action::Other | Action::Difference => {
             let meant = if action == Action::Other { Beside::Other } else { Beside::Difference };
             let now = document.view.beside;

@@ -9,8 +9,8 @@ use super::fader::{NUMBER, fader, stops_number};
 use super::light_list::search_id;
 use super::light_panel::colour_popup;
 use super::row_menu::{group_menu, light_menu};
+use super::selection::move_stops;
 use super::theme::{ACCENT, IDLE, LINE, SELECTED, TEXT, TROUGH, WEAK, swatch};
-use crate::mixer::STOPS_RANGE;
 use crate::rows::{Order, Row};
 
 /// Height of a row, in points.
@@ -56,7 +56,9 @@ pub(super) fn mixer(ui: &mut Ui, document: &mut Document, titled: bool) {
                     group_row(ui, document, group, depth);
                 }
                 Row::Group { .. } => {}
-                Row::Light { light, depth } => light_row(ui, document, (light, depth), (&rows, at), strongest),
+                Row::Light { light, depth } => {
+                    light_row(ui, document, ListedLight { light, depth, at, rows: &rows }, strongest)
+                }
             }
         }
     });
@@ -195,13 +197,19 @@ fn rename(ui: &mut Ui, document: &mut Document, width: f32) {
     }
 }
 
-fn light_row(
-    ui: &mut Ui,
-    document: &mut Document,
-    (light, depth): (usize, usize),
-    (rows, at): (&[Row], usize),
-    strongest: f32,
-) {
+/// A light among the rows of the list.
+#[derive(Clone, Copy)]
+struct ListedLight<'a> {
+    light: usize,
+    /// How many groups it stands in.
+    depth: usize,
+    /// The place of its row.
+    at: usize,
+    rows: &'a [Row],
+}
+
+fn light_row(ui: &mut Ui, document: &mut Document, listed: ListedLight, strongest: f32) {
+    let ListedLight { light, depth, .. } = listed;
     let chosen = document.list.chosen().contains(&light);
     let (row, response, mut ui) = begin_row(ui, ("light", light), chosen);
     let ui = &mut ui;
@@ -234,18 +242,13 @@ fn light_row(
     name_text(ui, row, shown.as_deref().unwrap_or(&name), if shines { TEXT } else { WEAK }, false);
     let tint = if shines { colour } else { Color32::from_gray(84) };
     let mut stops = document.work.mix.lights[light].stops;
-    let before = stops;
     let moved = fader(ui, &mut stops, fader_width(row), &name, tint).changed();
     if stops_number(ui, &mut stops).changed() || moved {
         // Selected together, they move together.
         if !chosen {
             document.list.select(light);
         }
-        for &other in document.list.chosen() {
-            let own = &mut document.work.mix.lights[other].stops;
-            *own = (*own + stops - before).clamp(*STOPS_RANGE.start(), *STOPS_RANGE.end());
-        }
-        document.work.mix.lights[light].stops = stops;
+        move_stops(&document.list, &mut document.work.mix, light, stops);
     }
     let share = document.list.contributions.get(light).copied().unwrap_or(0.0).max(0.0);
     if strongest > 0.0 {
@@ -253,7 +256,7 @@ fn light_row(
         let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 1.5), vec2(row.width() * part, 1.5));
         ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.28) } else { TROUGH });
     }
-    select_by(ui, document, light, (rows, at), &response);
+    select_by(ui, document, listed, &response);
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("{name}, row")));
     response.context_menu(|ui| light_menu(ui, document, light));
     let all: f32 = document.list.contributions.iter().map(|v| v.max(0.0)).sum();
@@ -262,7 +265,8 @@ fn light_row(
 }
 
 /// Selects by clicks and drags on a row.
-fn select_by(ui: &Ui, document: &mut Document, light: usize, (rows, at): (&[Row], usize), response: &Response) {
+fn select_by(ui: &Ui, document: &mut Document, listed: ListedLight, response: &Response) {
+    let ListedLight { light, at, rows, .. } = listed;
     let modifiers = ui.input(|input| input.modifiers);
     if response.clicked() && modifiers.alt {
         document.work.mix.toggle_solo(light, modifiers.shift);
