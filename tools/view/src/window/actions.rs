@@ -3,8 +3,10 @@
 use eframe::egui;
 
 use super::chooser::Purpose;
+use super::command_line::command_line;
 use super::document::Document;
 use super::light_list::{lights_of, search_id};
+use super::message::Message;
 use super::selection;
 use super::shown_picture::colour_image;
 use super::view_state::Beside;
@@ -75,11 +77,11 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::CopyPicture => {
             if let Some(image) = &document.shown.image {
                 context.copy_image(colour_image(&document.view.display.show(image)));
-                document.files.message = Some(("Copied the picture".into(), false));
+                document.message = Some(Message::info("Copied the picture"));
             }
         }
         Action::CopyCommand => {
-            let line = document.command_line();
+            let line = command_line(document);
             context.copy_text(line);
         }
         Action::Brighter => document.view.display.tone.exposure_stops += 0.5,
@@ -100,7 +102,7 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
             let last = document.compare.snapshots.list().len().checked_sub(1);
             match document.compare.snapshots.compared().or(last) {
                 Some(index) => document.compare.snapshots.toggle_compare(index),
-                None => document.files.message = Some(("There is no snapshot yet: K keeps one".into(), false)),
+                None => document.message = Some(Message::info("There is no snapshot yet: K keeps one")),
             }
         }
         Action::Compare(index) if index < document.compare.snapshots.list().len() => {

@@ -11,8 +11,16 @@ use crate::display::{Display, Shown};
 use crate::snapshots::{Snapshots, thumbnail};
 use crate::worker::Compared;
 
-/// What a difference is of: generation of the picture, how it is shown, the other picture.
-type DifferenceKey = (u64, Display, usize);
+/// What a difference is of.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct DifferenceKey {
+    /// Generation of the picture.
+    pub(super) generation: u64,
+    /// How it is shown.
+    pub(super) display: Display,
+    /// Address of the other picture.
+    pub(super) other: usize,
+}
 
 #[derive(Default)]
 pub(super) struct Comparison {
@@ -95,7 +103,7 @@ impl Comparison {
 
     /// Takes a difference that was measured of the picture of this generation.
     pub(super) fn take_difference(&mut self, context: &egui::Context, of: u64, difference: Option<Arc<Difference>>) {
-        let Some(key) = self.measuring.take().filter(|key| key.0 == of) else { return };
+        let Some(key) = self.measuring.take().filter(|key| key.generation == of) else { return };
         if let Some(difference) = &difference {
             set_texture(context, &mut self.difference_texture, "difference", &difference.map);
         }

@@ -3,6 +3,7 @@
 use eframe::egui::{self, Color32, RichText, Ui};
 
 use super::document::Document;
+use super::message::Message;
 use super::number_format::short;
 use super::pattern_panel::pattern_editor;
 use super::selection::{reset_light, share_tint};
@@ -116,8 +117,8 @@ fn set_absolute(document: &mut Document, index: usize, quantity: Quantity, value
         }
     }
     if out_of_range {
-        document.files.message =
-            Some((format!("A light goes {most} EV up or down from the scene's, no further"), true));
+        let text = format!("A light goes {most} EV up or down from the scene's, no further");
+        document.message = Some(Message::problem(text));
     }
 }
 

@@ -4,6 +4,7 @@ use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, v
 
 use super::comparison::difference_in_words;
 use super::document::Document;
+use super::message::Message;
 use super::meter_overlay::{draw_area, draw_labels};
 use super::seen_lights::{SUN_GRIP, SeenSun, camera, draw_band, draw_suns, move_sun, seen_suns, select_in_picture};
 use super::theme::{ACCENT, WEAK};
@@ -166,7 +167,7 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
     if let (Held::Band(from), Some(to), true) = (held, response.interact_pointer_pos(), response.drag_stopped()) {
         let corners = [from, to].map(|at| place.to_picture(document, at));
         let text = select_in_picture(&document.session, &mut document.list, corners, modifiers.command);
-        document.files.message = Some((text, false));
+        document.message = Some(Message::info(text));
     }
     if !response.dragged() {
         return;

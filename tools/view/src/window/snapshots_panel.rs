@@ -5,6 +5,7 @@ use eframe::egui::{self, RichText, Sense, TextEdit, Ui};
 use super::chooser::Purpose;
 use super::comparison::difference_in_words;
 use super::document::Document;
+use super::message::Message;
 use super::theme::{ACCENT, WEAK, section};
 use super::view_state::Beside;
 
@@ -140,7 +141,7 @@ fn name(ui: &mut Ui, document: &mut Document, index: usize) {
                     text.trim().clone_into(look);
                 }
             } else if keeps {
-                document.files.message = Some((format!("'{text}' is the name of another snapshot"), true));
+                document.message = Some(Message::problem(format!("'{text}' is the name of another snapshot")));
             }
         } else if !field.has_focus() {
             field.request_focus();

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::message::line;
 use crate::surfaces::Surfaces;
 use crate::worker::{Brought, Session};
 
@@ -28,7 +29,7 @@ impl SurfacesState {
         *self = Self::Reading;
         let (path, container) = (session.path.clone(), session.container.clone());
         session.worker.beside(move || {
-            let surfaces = Surfaces::beside(&path, &container).map_err(|error| error.to_string());
+            let surfaces = Surfaces::beside(&path, &container).map_err(|error| line(&error));
             Ok(Brought::Surfaces(surfaces.map(Arc::new)))
         });
     }
