@@ -11,19 +11,15 @@ use super::actions::{Action, act};
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::{Document, Opening};
 use super::event_throttle::Waiting;
-use super::exports::{write_animation, write_exr, write_layers, write_look, write_png, write_sheet};
 use super::file_jobs::JobCount;
-use super::file_reading::{read_image, read_look, recover};
 use super::keys::{help, pressed};
 use super::layout::{Tab, show_document};
 use super::message::Message;
 use super::native_dialog::{NativeDialog, Outcome};
 use super::question::{Next, Question, Reply};
-use super::report::write_report;
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
-use super::worker_events::receive;
-use super::worker_requests::ask;
+use super::{exports, file_reading, report, worker_events, worker_requests};
 use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
@@ -189,7 +185,7 @@ impl App {
                 let kept = self.recent.add(RecentKind::Look, &path);
                 self.tell(kept);
                 if let Some(document) = &mut self.document {
-                    read_look(document, path);
+                    file_reading::read_look(document, path);
                 }
             }
         }
@@ -203,7 +199,7 @@ impl App {
             (Some(Question::Unsaved(next)), Reply::No) => self.do_next(context, next),
             (Some(Question::LeftBehind(left)), Reply::Yes) => {
                 if let Some(document) = &mut self.document {
-                    recover(document, left);
+                    file_reading::recover(document, left);
                 }
             }
             (Some(Question::LeftBehind(left)), Reply::No) => left.forget(),
@@ -216,7 +212,7 @@ impl App {
     fn save_then(&mut self, next: Next) {
         let Some(document) = &mut self.document else { return };
         match document.work.look().map(Path::to_owned) {
-            Some(path) => write_look(document, path),
+            Some(path) => exports::write_look(document, path),
             None => document.files.wanted = Some(Purpose::SaveLook),
         }
         self.after_save = Some(next);
@@ -333,10 +329,10 @@ impl App {
         match &mut self.document {
             None => self.welcome(ui),
             Some(document) => {
-                receive(document, &context);
+                worker_events::receive(document, &context);
                 let choice = show_document(ui, document, self.panels, &mut self.tab, &self.recent);
                 let held = context.input(|input| input.pointer.any_down());
-                ask(document, &context, held);
+                worker_requests::ask(document, &context, held);
                 let wanted = document.files.wanted.take().map(|purpose| (purpose, near(document, purpose)));
                 if let Some((purpose, near)) = wanted {
                     self.begin_choosing(&context, purpose, &near);
@@ -451,15 +447,15 @@ impl App {
         match purpose {
             Purpose::Container => self.proceed(context, Next::Open(path)),
             Purpose::LoadLook => self.proceed(context, Next::LoadLook(path)),
-            Purpose::SaveLook => write_look(document, path),
-            Purpose::LightImage(light) => read_image(document, path, Some(light)),
-            Purpose::Reference => read_image(document, path, None),
-            Purpose::Png => write_png(document, path),
-            Purpose::Exr => write_exr(document, path),
-            Purpose::Layers => write_layers(document, path),
-            Purpose::Report => write_report(document, path),
-            Purpose::Sheet => write_sheet(document, path),
-            Purpose::Animation => write_animation(document, path),
+            Purpose::SaveLook => exports::write_look(document, path),
+            Purpose::LightImage(light) => file_reading::read_image(document, path, Some(light)),
+            Purpose::Reference => file_reading::read_image(document, path, None),
+            Purpose::Png => exports::write_png(document, path),
+            Purpose::Exr => exports::write_exr(document, path),
+            Purpose::Layers => exports::write_layers(document, path),
+            Purpose::Report => report::write_report(document, path),
+            Purpose::Sheet => exports::write_sheet(document, path),
+            Purpose::Animation => exports::write_animation(document, path),
         }
     }
 

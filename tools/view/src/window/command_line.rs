@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::document::Document;
-use super::file_jobs::name_of;
+use super::file_jobs::{CommandLook, name_of};
 use super::message::Message;
 use crate::export::{self, with_ending};
 use crate::looks::{self, Saved};
@@ -12,8 +12,8 @@ use crate::worker::Brought;
 /// The command that makes this picture. The lighting is written for it, into a new file of its own, unless it stands in
 /// one already.
 pub(super) fn command_line(document: &mut Document) -> String {
-    let own = document.files.command_look.as_ref().filter(|(path, mix)| *mix == document.work.mix && path.is_file());
-    let saved = document.work.saved_in().or(own.map(|(path, _)| path.as_path())).map(Path::to_owned);
+    let own = document.files.command_look.as_ref().filter(|own| own.mix == document.work.mix && own.path.is_file());
+    let saved = document.work.saved_in().or(own.map(|own| own.path.as_path())).map(Path::to_owned);
     let look = saved.clone().unwrap_or_else(|| free_look(&document.files.export_base));
     let png = with_ending(&document.files.export_base, "png");
     let line = export::command_line(
@@ -28,7 +28,7 @@ pub(super) fn command_line(document: &mut Document) -> String {
         return line;
     }
     let message = format!("Wrote {} and copied: {line}", name_of(&look));
-    document.files.command_look = Some((look.clone(), document.work.mix.clone()));
+    document.files.command_look = Some(CommandLook { path: look.clone(), mix: document.work.mix.clone() });
     let (container, saved) = (document.session.container.clone(), Saved::of(document.work.mix.clone()));
     document.start_job(move || {
         looks::save(&look, &container.job().basis, &saved, false)?;

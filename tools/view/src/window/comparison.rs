@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use eframe::egui::{self, TextureHandle, TextureId, TextureOptions};
 
+use super::renaming::Renaming;
 use super::shown_picture::{colour_image, set_texture};
 use crate::difference::Difference;
 use crate::display::{Display, Shown};
@@ -25,8 +26,8 @@ pub(super) struct DifferenceKey {
 #[derive(Default)]
 pub(super) struct Comparison {
     pub(super) snapshots: Snapshots,
-    /// A snapshot whose name is being typed, with what stands in the field.
-    pub(super) renamed: Option<(usize, String)>,
+    /// A snapshot whose name is being typed.
+    pub(super) renamed: Option<Renaming>,
     thumbnails: BTreeMap<String, TextureHandle>,
     texture: Option<(Arc<Shown>, TextureHandle)>,
     /// What was measured last, and of what; nothing while it is being measured.

@@ -60,7 +60,7 @@ pub(super) struct Document {
     /// Snapshots and references.
     pub(super) compare: Comparison,
     /// The texture editor's settings.
-    pub(super) easel: PatternEditorState,
+    pub(super) editor: PatternEditorState,
     /// The newest picture.
     pub(super) shown: ShownPicture,
     /// Requests to the worker.
@@ -91,7 +91,7 @@ impl Document {
             meter: LightMeter::default(),
             features: FeaturesView::default(),
             compare: Comparison::new(),
-            easel: PatternEditorState::default(),
+            editor: PatternEditorState::default(),
             shown: ShownPicture::new(opening.state),
             requests: Requests::new(lighting),
             files: FileJobs::new(path, opening.jobs),
@@ -117,7 +117,7 @@ impl Document {
             && old.session.container.shape().height() == self.size()[1];
         self.view.go_on(old.view, same_size);
         self.files.go_on(old.files);
-        self.easel = old.easel;
+        self.editor = old.editor;
         let lost = match lost {
             0 => String::new(),
             1 => "; one light is no longer there".to_owned(),

@@ -21,8 +21,15 @@ pub(super) struct FileJobs {
     pub(super) wanted: Option<Purpose>,
     /// What has become of the container's file since it was opened.
     pub(super) changed: Option<FileChange>,
-    /// The file that was written for a command line, with what stands in it.
-    pub(super) command_look: Option<(PathBuf, Mix)>,
+    /// The file that was written for a command line.
+    pub(super) command_look: Option<CommandLook>,
+}
+
+/// A look that a command line names.
+pub(super) struct CommandLook {
+    pub(super) path: PathBuf,
+    /// What stands in it.
+    pub(super) mix: Mix,
 }
 
 impl FileJobs {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use eframe::egui::{Id, Rect};
 
+use super::renaming::Renaming;
 use crate::mixer::{LightMix, Mix};
 use crate::rows::{Listing, Order, Row, rows};
 use ltm::light::LightBasis;
@@ -25,8 +26,8 @@ pub(super) struct LightList {
     /// The contributions by which the rows are sorted, and the order that was chosen then.
     ranked: (Vec<f32>, Order),
     pub(super) scroll_to_selected: bool,
-    /// A group whose name is being typed, with what stands in the field.
-    pub(super) renamed: Option<(usize, String)>,
+    /// A group whose name is being typed.
+    pub(super) renamed: Option<Renaming>,
     /// Settings that were copied from a light.
     pub(super) copied: Option<LightMix>,
     /// The light from which a drag over rows, or a click with Shift, selects.

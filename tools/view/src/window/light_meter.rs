@@ -31,6 +31,14 @@ struct FieldKey {
     lumens_per_watt: f32,
 }
 
+/// The picture in colours.
+struct Overlay {
+    /// What it was made of.
+    of: FieldKey,
+    scale: Scale,
+    shown: Shown,
+}
+
 #[derive(Default)]
 pub(super) struct LightMeter {
     /// What the picture is shown in, instead of its colours.
@@ -47,8 +55,7 @@ pub(super) struct LightMeter {
     field: Option<(FieldKey, Field)>,
     pub(super) figures: Option<Figures>,
     of_figures: Option<(FieldKey, Area)>,
-    /// The picture in colours, with what it was made of.
-    overlay: Option<(FieldKey, Scale, Shown)>,
+    overlay: Option<Overlay>,
     /// Labels of the isolines.
     labels: Vec<Label>,
     texture: Option<TextureHandle>,
@@ -77,7 +84,7 @@ impl LightMeter {
 
     /// The picture in colours, as it is shown.
     pub(super) fn overlay(&self) -> Option<&Shown> {
-        self.overlay.as_ref().filter(|_| self.shows.is_some()).map(|(_, _, shown)| shown)
+        self.overlay.as_ref().filter(|_| self.shows.is_some()).map(|overlay| &overlay.shown)
     }
 
     /// The quantity that is measured.
@@ -156,12 +163,12 @@ impl LightMeter {
             self.of_figures = Some((key, self.area.clone()));
         }
         let Some(scale) = self.scale().filter(|_| self.shows.is_some()) else { return Ok(()) };
-        if self.overlay.as_ref().is_none_or(|(of, at, _)| (*of, *at) != (key, scale)) {
+        if self.overlay.as_ref().is_none_or(|overlay| overlay.of != key || overlay.scale != scale) {
             match coloured(field, scale) {
                 Ok(shown) => {
                     set_texture(context, &mut self.texture, "meter", &shown);
                     self.labels = if scale.lines { labels(field, scale) } else { Vec::new() };
-                    self.overlay = Some((key, scale, shown));
+                    self.overlay = Some(Overlay { of: key, scale, shown });
                 }
                 Err(error) => {
                     (self.shows, self.scale) = (None, None);

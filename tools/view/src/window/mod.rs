@@ -29,6 +29,7 @@ mod pattern_editor;
 mod pattern_panel;
 mod picture_panel;
 mod question;
+mod renaming;
 mod report;
 mod requests;
 mod row_menu;

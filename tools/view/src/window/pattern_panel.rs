@@ -23,8 +23,8 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
         document.files.wanted = Some(Purpose::LightImage(index));
     }
     let has_camera = camera(&document.session).is_some();
-    let (easel, own) = (&mut document.easel, &mut document.work.mix.lights[index]);
-    tools(ui, easel, own, index, light, has_camera);
+    let (editor, own) = (&mut document.editor, &mut document.work.mix.lights[index]);
+    tools(ui, editor, own, index, light, has_camera);
     let (across, down) = light.layout();
     let width = ui.available_width().min(across as f32 * 48.0);
     // As tall as the panel is wide, where the window has the room for it.
@@ -40,12 +40,12 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
             let moved = response.drag_delta().x / size.x * TAU;
             let begins = ui.input(|input| input.pointer.any_pressed());
             let touch = Touch { at: to_texels(pointer), moved_radians: moved, begins: begins.then_some(GRIP / scale) };
-            easel.use_tool(own, index, light, touch);
+            editor.use_tool(own, index, light, touch);
         }
-        _ => easel.lift(),
+        _ => editor.lift(),
     }
     if response.hovered() {
-        scroll_shape(ui, easel, own, light);
+        scroll_shape(ui, editor, own, light);
     }
     let white = Pattern::white((across, down));
     let pattern = own.pattern.as_ref().unwrap_or(&white).turned(light.kind, own.turn_radians).into_owned();
@@ -59,11 +59,11 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
     ui.painter().rect_stroke(rect, 0.0, (1.0, LINE), egui::StrokeKind::Outside);
-    if let (Some(pointer), Tool::Brush) = (response.hover_pos(), easel.tool) {
-        let radius = easel.brush.radius_texels.max(0.5) * scale;
+    if let (Some(pointer), Tool::Brush) = (response.hover_pos(), editor.tool) {
+        let radius = editor.brush.radius_texels.max(0.5) * scale;
         ui.painter().with_clip_rect(rect).circle_stroke(pointer, radius, (1.0, ACCENT));
     }
-    if let (Some(shape), Tool::Shape(_)) = (own.shape, easel.tool) {
+    if let (Some(shape), Tool::Shape(_)) = (own.shape, editor.tool) {
         let size = vec2(shape.size[0] * rect.width(), shape.size[1] * rect.height());
         let centre = rect.min + vec2(shape.centre[0] * rect.width(), shape.centre[1] * rect.height());
         let outline = Rect::from_center_size(centre, size);
@@ -104,15 +104,15 @@ fn head(ui: &mut Ui, own: &mut LightMix, light: &Light) -> bool {
 /// The row of tools and the settings of the one in use.
 fn tools(
     ui: &mut Ui,
-    easel: &mut PatternEditorState,
+    editor: &mut PatternEditorState,
     own: &mut LightMix,
     index: usize,
     light: &Light,
     has_camera: bool,
 ) {
     let is_environment = light.kind.is_environment();
-    if !is_environment && matches!(easel.tool, Tool::Turn | Tool::Sun) {
-        easel.tool = Tool::Brush;
+    if !is_environment && matches!(editor.tool, Tool::Turn | Tool::Sun) {
+        editor.tool = Tool::Brush;
     }
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
@@ -125,7 +125,7 @@ fn tools(
             (Tool::Sun, "Sun"),
         ] {
             if !matches!(tool, Tool::Turn | Tool::Sun) || is_environment {
-                ui.selectable_value(&mut easel.tool, tool, name);
+                ui.selectable_value(&mut editor.tool, tool, name);
             }
         }
     });
@@ -133,46 +133,46 @@ fn tools(
     // In one row in the narrowest panel, the button of the colour too.
     ui.spacing_mut().button_padding.x = 4.0;
     ui.spacing_mut().interact_size.x = 26.0;
-    if easel.tool == Tool::Sun {
-        return sun_settings(ui, easel, own, index, light, has_camera);
+    if editor.tool == Tool::Sun {
+        return sun_settings(ui, editor, own, index, light, has_camera);
     }
-    ui.horizontal_wrapped(|ui| match easel.tool {
+    ui.horizontal_wrapped(|ui| match editor.tool {
         Tool::Sun => {}
         Tool::Brush => {
             let largest = (light.layout().0.max(light.layout().1) as f32 * 0.5).max(2.0);
             ui.add(
-                egui::DragValue::new(&mut easel.brush.radius_texels)
+                egui::DragValue::new(&mut editor.brush.radius_texels)
                     .range(0.5..=largest)
                     .speed(0.05)
                     .max_decimals(1)
                     .prefix("size "),
             );
             ui.add(
-                egui::DragValue::new(&mut easel.brush.hardness)
+                egui::DragValue::new(&mut editor.brush.hardness)
                     .range(0.0..=1.0)
                     .speed(0.01)
                     .max_decimals(2)
                     .prefix("hard "),
             );
             ui.add(
-                egui::DragValue::new(&mut easel.brush.flow)
+                egui::DragValue::new(&mut editor.brush.flow)
                     .range(0.01..=1.0)
                     .speed(0.01)
                     .max_decimals(2)
                     .prefix("flow "),
             );
-            paint(ui, &mut easel.brush.colour, &mut easel.paint_stops);
+            paint(ui, &mut editor.brush.colour, &mut editor.paint_stops);
         }
         Tool::Shape(_) => {
             ui.label("size");
             ui.spacing_mut().slider_width = (ui.available_width() - 170.0).clamp(50.0, 160.0);
-            let slider = egui::Slider::new(&mut easel.shape_size, 0.02..=2.0).logarithmic(true);
+            let slider = egui::Slider::new(&mut editor.shape_size, 0.02..=2.0).logarithmic(true);
             let resized = ui.add(slider.max_decimals(2)).changed();
-            let (colour, stops) = (easel.brush.colour, easel.paint_stops);
-            paint(ui, &mut easel.brush.colour, &mut easel.paint_stops);
-            let repainted = (easel.brush.colour, easel.paint_stops) != (colour, stops);
+            let (colour, stops) = (editor.brush.colour, editor.paint_stops);
+            paint(ui, &mut editor.brush.colour, &mut editor.paint_stops);
+            let repainted = (editor.brush.colour, editor.paint_stops) != (colour, stops);
             if resized || repainted {
-                easel.restyle(own, light, resized);
+                editor.restyle(own, light, resized);
             }
         }
         Tool::Turn => {
@@ -192,10 +192,10 @@ fn paint(ui: &mut Ui, colour: &mut [f32; 3], stops: &mut f32) {
 }
 
 /// Scrolling over a light with a shape makes that larger or smaller.
-fn scroll_shape(ui: &Ui, easel: &mut PatternEditorState, own: &mut LightMix, light: &Light) {
+fn scroll_shape(ui: &Ui, editor: &mut PatternEditorState, own: &mut LightMix, light: &Light) {
     let scroll = ui.input(|input| input.smooth_scroll_delta().y);
     if scroll != 0.0 {
-        easel.scale_shape(own, light, (scroll * 0.004).exp());
+        editor.scale_shape(own, light, (scroll * 0.004).exp());
     }
 }
 

@@ -126,15 +126,15 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
 /// The sky that a click in the picture puts the sun into: the selected one, while the sun is its tool.
 fn sky_for_suns(document: &Document) -> Option<usize> {
     let light = document.list.selected().filter(|&light| document.basis().lights()[light].kind.is_environment());
-    light.filter(|_| document.easel.puts_suns() && camera(&document.session).is_some())
+    light.filter(|_| document.editor.puts_suns() && camera(&document.session).is_some())
 }
 
 fn suns_of(document: &Document) -> Vec<SeenSun> {
-    seen_suns(&document.session, &document.work.mix, document.easel.sun.as_ref())
+    seen_suns(&document.session, &document.work.mix, document.editor.sun.as_ref())
 }
 
 fn move_sun_to(document: &mut Document, light: usize, position: [f32; 2]) {
-    move_sun(&document.session, &mut document.work.mix, &mut document.easel, light, position);
+    move_sun(&document.session, &mut document.work.mix, &mut document.editor, light, position);
 }
 
 fn held_id() -> egui::Id {

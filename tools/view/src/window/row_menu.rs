@@ -3,6 +3,7 @@
 use eframe::egui::{self, Color32, Ui};
 
 use super::document::Document;
+use super::renaming::Renaming;
 use super::selection;
 use super::theme::WEAK;
 
@@ -80,7 +81,7 @@ pub(super) fn group_menu(ui: &mut Ui, document: &mut Document, group: usize) {
     }
     ui.separator();
     if item(ui, "Rename", true) {
-        document.list.renamed = Some((group, own.name.clone()));
+        document.list.renamed = Some(Renaming::of(group, &own.name));
     }
     ui.menu_button("Colour", |ui| {
         for (name, colour) in COLOURS {

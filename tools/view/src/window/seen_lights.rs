@@ -55,7 +55,7 @@ pub(super) fn seen_suns(session: &Session, mix: &Mix, placed: Option<&PlacedSun>
 pub(super) fn move_sun(
     session: &Session,
     mix: &mut Mix,
-    easel: &mut PatternEditorState,
+    editor: &mut PatternEditorState,
     light: usize,
     position: [f32; 2],
 ) {
@@ -66,7 +66,7 @@ pub(super) fn move_sun(
     if own.kind == LightKind::Sun {
         choose_sun(basis, mix, direction);
     } else {
-        easel.put_sun(&mut mix.lights[light], light, own, nearest_texel(own, direction));
+        editor.put_sun(&mut mix.lights[light], light, own, nearest_texel(own, direction));
     }
 }
 

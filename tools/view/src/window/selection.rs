@@ -1,6 +1,7 @@
 //! What is done to the selected lights together.
 
 use super::light_list::LightList;
+use super::renaming::Renaming;
 use crate::mixer::{LightMix, Mix, STOPS_RANGE};
 use crate::work::Work;
 use ltm::light::LightBasis;
@@ -15,7 +16,7 @@ pub(super) fn group(list: &mut LightList, mix: &mut Mix) {
         list.folded.remove(&groups.group(around).name);
     }
     list.search.clear();
-    list.renamed = Some((group, groups.group(group).name.clone()));
+    list.renamed = Some(Renaming::of(group, &groups.group(group).name));
     if let Some(&first) = lights.first() {
         list.select_all(lights.iter().copied());
         list.scroll_to_selected = first > 0;

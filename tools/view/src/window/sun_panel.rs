@@ -12,24 +12,24 @@ use ltm::light::Light;
 /// What can be set of the sun of a sky.
 pub(super) fn sun_settings(
     ui: &mut Ui,
-    easel: &mut PatternEditorState,
+    editor: &mut PatternEditorState,
     own: &mut LightMix,
     index: usize,
     light: &Light,
     has_camera: bool,
 ) {
-    let texel = easel.sun.as_ref().and_then(|sun| sun.texel(index, own));
+    let texel = editor.sun.as_ref().and_then(|sun| sun.texel(index, own));
     ui.horizontal_wrapped(|ui| {
         ui.label("Sun over sky");
-        let stops = DragValue::new(&mut easel.sun_stops).range(-4.0..=10.0).speed(0.05).max_decimals(1);
+        let stops = DragValue::new(&mut editor.sun_stops).range(-4.0..=10.0).speed(0.05).max_decimals(1);
         let about = "How much more the sun sends than the rest of the sky, in stops";
         let changed = ui.add(stops.suffix(" EV")).on_hover_text(about).changed();
         if let (true, Some(texel)) = (changed, texel) {
-            easel.put_sun(own, index, light, texel);
+            editor.put_sun(own, index, light, texel);
         }
         match texel {
             Some(texel) => {
-                let angles = easel.moment.angles(light.places[texel]);
+                let angles = editor.moment.angles(light.places[texel]);
                 let text = format!("{:.0}° from north, {:.0}° high", angles.azimuth, angles.elevation);
                 ui.label(RichText::new(text).size(11.5).color(WEAK));
             }
@@ -42,8 +42,8 @@ pub(super) fn sun_settings(
             }
         }
     });
-    if let Some(direction) = by_date(ui, &mut easel.moment) {
-        easel.put_sun(own, index, light, nearest_texel(light, direction));
+    if let Some(direction) = by_date(ui, &mut editor.moment) {
+        editor.put_sun(own, index, light, nearest_texel(light, direction));
     }
 }
 
@@ -51,7 +51,7 @@ pub(super) fn sun_settings(
 pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize) {
     section(ui, "SUN");
     let count = suns(document.session.basis()).len();
-    let angles = document.easel.moment.angles(document.session.basis().lights()[index].places[0]);
+    let angles = document.editor.moment.angles(document.session.basis().lights()[index].places[0]);
     let text = format!(
         "It stands {:.0}° from north, {:.0}° high, as it was rendered. {}",
         angles.azimuth,
@@ -65,7 +65,7 @@ pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize)
     if count < 2 {
         return;
     }
-    if let Some(direction) = by_date(ui, &mut document.easel.moment) {
+    if let Some(direction) = by_date(ui, &mut document.editor.moment) {
         let mut mix = document.work.mix.clone();
         if let Some(sun) = choose_sun(document.session.basis(), &mut mix, direction) {
             document.work.replace(mix);

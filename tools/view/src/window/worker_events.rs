@@ -1,17 +1,15 @@
 //! What the worker has done, brought to the parts of the document that it concerns.
 
-use std::sync::Arc;
-
 use eframe::egui;
 
 use super::autosave::NOT_KEPT;
 use super::document::Document;
 use super::file_reading::take_file;
 use super::message::{Message, line};
+use super::shown_picture::PictureValues;
 use super::view_state::Asked;
 use crate::file_watch::FileChange;
 use crate::worker::{Brought, Event, Picture};
-use ltm::image::LinearImage;
 
 /// Takes what the worker has done; before the panels are drawn.
 pub(super) fn receive(document: &mut Document, context: &egui::Context) {
@@ -19,7 +17,9 @@ pub(super) fn receive(document: &mut Document, context: &egui::Context) {
     for event in events {
         match event {
             Event::Picture(picture) => take_picture(document, context, *picture),
-            Event::Values { generation, image, histogram } => take_values(document, generation, image, histogram),
+            Event::Values { generation, image, histogram } => {
+                take_values(document, PictureValues { generation, image, histogram });
+            }
             Event::Loaded { relighter, adapter, is_paged } => {
                 document.shown.is_paged = is_paged;
                 document.shown.relighter = relighter;
@@ -87,14 +87,15 @@ fn take_picture(document: &mut Document, context: &egui::Context, mut picture: P
     if let Some(latency) = document.requests.answered(&picture, context.cumulative_frame_nr()) {
         document.shown.latency = latency;
     }
-    let (generation, compared) = (picture.generation, picture.compared.take());
-    if let Some((image, histogram)) = document.shown.take(context, picture) {
-        take_values(document, generation, image, histogram);
+    let compared = picture.compared.take();
+    if let Some(values) = document.shown.take(context, picture) {
+        take_values(document, values);
     }
     document.compare.take(context, compared);
 }
 
-fn take_values(document: &mut Document, generation: u64, image: Arc<LinearImage>, histogram: Vec<[f32; 3]>) {
+fn take_values(document: &mut Document, values: PictureValues) {
+    let PictureValues { generation, image, histogram } = values;
     document.view.follow(&image, document.shown.progress.is_complete());
     (document.shown.valued, document.shown.image, document.shown.histogram) = (generation, Some(image), histogram);
 }
