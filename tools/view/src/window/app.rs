@@ -7,16 +7,19 @@ use std::sync::{Arc, Mutex};
 use eframe::egui::{self, Align2, Color32, FontId, RichText, Ui};
 use eframe::egui_wgpu::RenderState;
 
+use super::actions::{Action, act};
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::{Document, Opening};
 use super::event_throttle::Waiting;
-use super::file_jobs::UnderWay;
-use super::keys::{Action, act, help, pressed};
+use super::file_jobs::JobCount;
+use super::keys::{help, pressed};
 use super::layout::{Tab, show_document};
+use super::message::Message;
 use super::native_dialog::{NativeDialog, Outcome};
 use super::question::{Next, Question, Reply};
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
+use super::{exports, file_reading, report, worker_events, worker_requests};
 use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
@@ -92,7 +95,7 @@ impl App {
             document: None,
             message: None,
             recent,
-            opening: Opening { means, state, state_folder: options.state_folder, under_way: UnderWay::default() },
+            opening: Opening { means, state, state_folder: options.state_folder, jobs: JobCount::default() },
             chooser: None,
             dialog: None,
             native_dialogs: options.native_dialogs,
@@ -148,7 +151,7 @@ impl App {
             }
             Err(error) => {
                 let old = self.document.insert(old);
-                old.files.message = Some((format!("cannot be reloaded: {}", line(&error)), true));
+                old.message = Some(Message::failed("cannot be reloaded", &error));
             }
         }
     }
@@ -168,7 +171,7 @@ impl App {
                 self.warned_of_writing = true;
                 if let Some(document) = &mut self.document {
                     let message = "Files are being read or written; close again to leave them unfinished";
-                    document.files.message = Some((message.to_owned(), true));
+                    document.message = Some(Message::problem(message));
                 }
             }
             Next::Close => {
@@ -183,7 +186,7 @@ impl App {
                 let kept = self.recent.add(RecentKind::Look, &path);
                 self.tell(kept);
                 if let Some(document) = &mut self.document {
-                    document.read_look(path);
+                    file_reading::read_look(document, path);
                 }
             }
         }
@@ -197,7 +200,7 @@ impl App {
             (Some(Question::Unsaved(next)), Reply::No) => self.do_next(context, next),
             (Some(Question::LeftBehind(left)), Reply::Yes) => {
                 if let Some(document) = &mut self.document {
-                    document.recover(left);
+                    file_reading::recover(document, left);
                 }
             }
             (Some(Question::LeftBehind(left)), Reply::No) => left.forget(),
@@ -210,7 +213,7 @@ impl App {
     fn save_then(&mut self, next: Next) {
         let Some(document) = &mut self.document else { return };
         match document.work.look().map(Path::to_owned) {
-            Some(path) => document.write_look(path),
+            Some(path) => exports::write_look(document, path),
             None => document.files.wanted = Some(Purpose::SaveLook),
         }
         self.after_save = Some(next);
@@ -219,7 +222,7 @@ impl App {
     /// Goes on once what was to be saved is.
     fn go_on_after_save(&mut self, context: &egui::Context) {
         let Some(document) = &self.document else { return };
-        let awaited = document.files.beside > 0 || document.files.wanted.is_some();
+        let awaited = document.files.any_open() || document.files.wanted.is_some();
         if self.after_save.is_none() || awaited || self.chooser.is_some() || self.dialog.is_some() {
             return;
         }
@@ -248,7 +251,7 @@ impl App {
     /// Whether something is under way that would be lost with the window: an animation, a report, pictures; also those of a container
     /// that was open before.
     fn is_writing(&self) -> bool {
-        self.opening.under_way.is_any()
+        self.opening.jobs.is_any()
     }
 
     /// Makes the first window small enough for its screen, frame and a bar of the desktop's included.
@@ -327,10 +330,10 @@ impl App {
         match &mut self.document {
             None => self.welcome(ui),
             Some(document) => {
-                document.receive(&context);
+                worker_events::receive(document, &context);
                 let choice = show_document(ui, document, self.panels, &mut self.tab, &self.recent);
                 let held = context.input(|input| input.pointer.any_down());
-                document.ask(&context, held);
+                worker_requests::ask(document, &context, held);
                 let wanted = document.files.wanted.take().map(|purpose| (purpose, near(document, purpose)));
                 if let Some((purpose, near)) = wanted {
                     self.begin_choosing(&context, purpose, &near);
@@ -445,15 +448,15 @@ impl App {
         match purpose {
             Purpose::Container => self.proceed(context, Next::Open(path)),
             Purpose::LoadLook => self.proceed(context, Next::LoadLook(path)),
-            Purpose::SaveLook => document.write_look(path),
-            Purpose::LightImage(light) => document.read_image(path, Some(light)),
-            Purpose::Reference => document.read_image(path, None),
-            Purpose::Png => document.write_png(path),
-            Purpose::Exr => document.write_exr(path),
-            Purpose::Layers => document.write_layers(path),
-            Purpose::Report => document.write_report(path),
-            Purpose::Sheet => document.write_sheet(path),
-            Purpose::Animation => document.write_animation(path),
+            Purpose::SaveLook => exports::write_look(document, path),
+            Purpose::LightImage(light) => file_reading::read_image(document, path, Some(light)),
+            Purpose::Reference => file_reading::read_image(document, path, None),
+            Purpose::Png => exports::write_png(document, path),
+            Purpose::Exr => exports::write_exr(document, path),
+            Purpose::Layers => exports::write_layers(document, path),
+            Purpose::Report => report::write_report(document, path),
+            Purpose::Sheet => exports::write_sheet(document, path),
+            Purpose::Animation => exports::write_animation(document, path),
         }
     }
 
@@ -461,7 +464,7 @@ impl App {
     fn tell(&mut self, outcome: Result<()>) {
         let Err(error) = outcome else { return };
         match &mut self.document {
-            Some(document) => document.files.message = Some((line(&error), true)),
+            Some(document) => document.message = Some(Message::error(&error)),
             None => self.message = Some(line(&error)),
         }
     }

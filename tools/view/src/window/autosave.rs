@@ -5,16 +5,30 @@ use std::time::{Duration, Instant};
 
 use eframe::egui;
 
-use super::document::Document;
-use crate::looks;
+use crate::looks::{self, Saved};
 use crate::mixer::Mix;
 use crate::unsaved::{LeftBehind, Unsaved};
-use crate::words::line;
-use crate::worker::Brought;
+use crate::work::Work;
+use crate::worker::{Brought, Session};
 use ltm::error::Result;
 
 /// How long the work must have rested before it is written down.
 const REST: Duration = Duration::from_millis(700);
+
+/// What is said where the work cannot be written down.
+pub(super) const NOT_KEPT: &str = "unsaved work is not kept";
+
+/// A state of the work: the mix, and the revision of the snapshots.
+struct WorkState {
+    mix: Mix,
+    revision: u64,
+}
+
+impl WorkState {
+    fn is_of(&self, work: &Work, revision: u64) -> bool {
+        self.mix == work.mix && self.revision == revision
+    }
+}
 
 /// Autosave of the work on one container.
 #[derive(Default)]
@@ -22,9 +36,9 @@ pub(super) struct Autosave {
     state_folder: Option<PathBuf>,
     place: Option<Unsaved>,
     /// The state that was written last, or is being written.
-    written: Option<(Mix, u64)>,
+    written: Option<WorkState>,
     /// The current state, and since when it has not changed.
-    resting: Option<(Mix, u64, Instant)>,
+    resting: Option<(WorkState, Instant)>,
     is_writing: bool,
     /// Work of an earlier window that is part of this one's: it stays until that is written down or saved.
     pub(super) recovered: Option<LeftBehind>,
@@ -47,58 +61,61 @@ impl Autosave {
         self.recovered.take().into_iter().for_each(LeftBehind::forget);
         self.written = None;
     }
-}
 
-impl Document {
-    /// Writes the work down once it rests; `held` while a drag is on.
-    pub(super) fn autosave(&mut self, context: &egui::Context, held: bool) {
-        let Some(state_folder) = self.autosave.state_folder.clone() else { return };
-        let revision = self.compare.snapshots.revision();
-        if !self.work.is_modified(revision) {
+    /// Whether the work is to be written down, because it rests; `held` while a drag is on. The snapshots are at `revision`.
+    pub(super) fn is_due(&mut self, context: &egui::Context, work: &Work, revision: u64, held: bool) -> bool {
+        if self.state_folder.is_none() {
+            return false;
+        }
+        if !work.is_modified(revision) {
             // While it is being written, its folder stays; what follows takes it away.
-            if !self.autosave.is_writing && self.autosave.place.is_some() {
-                self.autosave.forget();
+            if !self.is_writing && self.place.is_some() {
+                self.forget();
             }
-            return;
+            return false;
         }
-        let now = || (self.work.mix.clone(), revision);
-        let is = |of: (&Mix, u64)| *of.0 == self.work.mix && of.1 == revision;
-        if held || self.autosave.is_writing || self.autosave.written.as_ref().is_some_and(|(mix, at)| is((mix, *at))) {
-            return;
+        if held || self.is_writing || self.written.as_ref().is_some_and(|state| state.is_of(work, revision)) {
+            return false;
         }
-        let since = self.autosave.resting.as_ref().filter(|(mix, at, _)| is((mix, *at))).map(|(_, _, since)| *since);
-        let Some(since) = since else {
-            let (mix, revision) = now();
-            self.autosave.resting = Some((mix, revision, Instant::now()));
-            return context.request_repaint_after(REST);
+        let Some((_, since)) = self.resting.as_ref().filter(|(state, _)| state.is_of(work, revision)) else {
+            self.resting = Some((WorkState { mix: work.mix.clone(), revision }, Instant::now()));
+            context.request_repaint_after(REST);
+            return false;
         };
-        if let Some(left) = REST.checked_sub(since.elapsed()).filter(|left| !left.is_zero()) {
-            return context.request_repaint_after(left);
-        }
-        if self.autosave.place.is_none() {
-            match Unsaved::begin(&state_folder, &self.session.path) {
-                Ok(place) => self.autosave.place = Some(place),
+        let left = REST.checked_sub(since.elapsed()).filter(|left| !left.is_zero());
+        left.into_iter().for_each(|left| context.request_repaint_after(left));
+        left.is_none()
+    }
+
+    /// Writes the work down, beside the worker.
+    ///
+    /// Errors: there is no place for it; it is not tried again.
+    pub(super) fn write(&mut self, session: &Session, saved: Saved, revision: u64) -> Result<()> {
+        let Some(state_folder) = &self.state_folder else { return Ok(()) };
+        if self.place.is_none() {
+            match Unsaved::begin(state_folder, &session.path) {
+                Ok(place) => self.place = Some(place),
                 Err(error) => {
-                    self.files.message = Some((format!("unsaved work is not kept: {}", line(&error)), true));
                     // Not once more in each frame.
-                    self.autosave.state_folder = None;
-                    return;
+                    self.state_folder = None;
+                    return Err(error);
                 }
             }
         }
-        let Some(look) = self.autosave.place.as_ref().map(Unsaved::look) else { return };
-        (self.autosave.written, self.autosave.is_writing) = (Some(now()), true);
-        let (container, saved) = (self.session.container.clone(), self.saved());
+        let Some(look) = self.place.as_ref().map(Unsaved::look) else { return Ok(()) };
+        (self.written, self.is_writing) = (Some(WorkState { mix: saved.mix.clone(), revision }), true);
+        let container = session.container.clone();
         let write = move || Ok(Brought::Unsaved(looks::save(&look, &container.job().basis, &saved, true)));
-        self.session.worker.beside(write);
+        session.worker.beside(write);
+        Ok(())
     }
 
-    /// Takes note that the work was written down.
-    pub(super) fn autosaved(&mut self, outcome: Result<()>) {
-        self.autosave.is_writing = false;
-        match outcome {
-            Ok(()) => self.autosave.recovered.take().into_iter().for_each(LeftBehind::forget),
-            Err(error) => self.files.message = Some((format!("unsaved work is not kept: {}", line(&error)), true)),
+    /// Takes note that the work was written down, or could not be.
+    pub(super) fn take(&mut self, outcome: Result<()>) -> Result<()> {
+        self.is_writing = false;
+        if outcome.is_ok() {
+            self.recovered.take().into_iter().for_each(LeftBehind::forget);
         }
+        outcome
     }
 }

@@ -5,20 +5,29 @@ use std::sync::Arc;
 
 use eframe::egui::{self, TextureHandle, TextureId, TextureOptions};
 
+use super::renaming::Renaming;
 use super::shown_picture::{colour_image, set_texture};
 use crate::difference::Difference;
 use crate::display::{Display, Shown};
 use crate::snapshots::{Snapshots, thumbnail};
 use crate::worker::Compared;
 
-/// What a difference is of: generation of the picture, how it is shown, the other picture.
-type DifferenceKey = (u64, Display, usize);
+/// What a difference is of.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct DifferenceKey {
+    /// Generation of the picture.
+    pub(super) generation: u64,
+    /// How it is shown.
+    pub(super) display: Display,
+    /// Address of the other picture.
+    pub(super) other: usize,
+}
 
 #[derive(Default)]
 pub(super) struct Comparison {
     pub(super) snapshots: Snapshots,
-    /// A snapshot whose name is being typed, with what stands in the field.
-    pub(super) renamed: Option<(usize, String)>,
+    /// A snapshot whose name is being typed.
+    pub(super) renamed: Option<Renaming>,
     thumbnails: BTreeMap<String, TextureHandle>,
     texture: Option<(Arc<Shown>, TextureHandle)>,
     /// What was measured last, and of what; nothing while it is being measured.
@@ -95,7 +104,7 @@ impl Comparison {
 
     /// Takes a difference that was measured of the picture of this generation.
     pub(super) fn take_difference(&mut self, context: &egui::Context, of: u64, difference: Option<Arc<Difference>>) {
-        let Some(key) = self.measuring.take().filter(|key| key.0 == of) else { return };
+        let Some(key) = self.measuring.take().filter(|key| key.generation == of) else { return };
         if let Some(difference) = &difference {
             set_texture(context, &mut self.difference_texture, "difference", &difference.map);
         }
@@ -130,5 +139,13 @@ impl Comparison {
     pub(super) fn remove(&mut self, index: usize) {
         self.thumbnails.remove(&self.snapshots.list()[index].name);
         self.snapshots.remove(index);
+    }
+}
+
+/// The numbers of a difference.
+pub(super) fn difference_in_words(difference: &Difference) -> String {
+    match difference.psnr_db.is_finite() {
+        true => format!("FLIP {:.3}   PSNR {:.1} dB", difference.flip, difference.psnr_db),
+        false => "Equal, pixel by pixel".to_owned(),
     }
 }

@@ -2,8 +2,8 @@
 
 use eframe::egui::{self, Color32, Margin, RichText, Ui, vec2};
 
+use super::actions::Action;
 use super::document::Document;
-use super::keys::Action;
 use super::light_panel::light_panel;
 use super::mixer_panel::mixer;
 use super::picture_panel::picture;

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use eframe::egui::Rect;
+use eframe::egui::{Id, Rect};
 
+use super::renaming::Renaming;
 use crate::mixer::{LightMix, Mix};
 use crate::rows::{Listing, Order, Row, rows};
 use ltm::light::LightBasis;
@@ -25,8 +26,8 @@ pub(super) struct LightList {
     /// The contributions by which the rows are sorted, and the order that was chosen then.
     ranked: (Vec<f32>, Order),
     pub(super) scroll_to_selected: bool,
-    /// A group whose name is being typed, with what stands in the field.
-    pub(super) renamed: Option<(usize, String)>,
+    /// A group whose name is being typed.
+    pub(super) renamed: Option<Renaming>,
     /// Settings that were copied from a light.
     pub(super) copied: Option<LightMix>,
     /// The light from which a drag over rows, or a click with Shift, selects.
@@ -136,4 +137,9 @@ impl LightList {
 /// The lights among rows.
 pub(super) fn lights_of(rows: &[Row]) -> impl Iterator<Item = usize> {
     rows.iter().filter_map(|row| if let Row::Light { light, .. } = row { Some(*light) } else { None })
+}
+
+/// Identity of the search field, for its key.
+pub(super) fn search_id() -> Id {
+    Id::unique("search lights")
 }

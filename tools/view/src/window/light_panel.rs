@@ -3,10 +3,12 @@
 use eframe::egui::{self, Color32, RichText, Ui};
 
 use super::document::Document;
-use super::pattern_editor::pattern_editor;
+use super::message::Message;
+use super::number_format::short;
+use super::pattern_panel::pattern_editor;
+use super::selection::{reset_light, share_tint};
 use super::sun_panel::sun_of_several;
 use super::theme::{IDLE, WEAK, section, swatch};
-use super::view_panel::short;
 use crate::mixer::{LightMix, STOPS_RANGE, Tint};
 use crate::photometry::{Quantity, mean_weight, quantities, stops_to};
 use ltm::image::{KELVIN_RANGE, decode_srgb};
@@ -24,8 +26,7 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let touched = !document.work.mix.lights[index].is_like(&document.work.scene.lights[index]);
             if ui.add_enabled(touched, egui::Button::new("Reset light")).clicked() {
-                let solo = document.work.mix.lights[index].solo;
-                document.work.mix.lights[index] = LightMix { solo, ..document.work.scene.lights[index].clone() };
+                reset_light(&mut document.work, index);
             }
         });
     });
@@ -33,7 +34,8 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
     absolute(ui, document, index, &light);
     section(ui, "COLOUR");
     if colour(ui, &mut document.work.mix.lights[index], &light) {
-        share_tint(document, index);
+        // Lights that are selected together are coloured together.
+        share_tint(&document.list, &mut document.work.mix, index);
     }
     if light.kind == LightKind::Sun {
         sun_of_several(ui, document, index);
@@ -115,16 +117,8 @@ fn set_absolute(document: &mut Document, index: usize, quantity: Quantity, value
         }
     }
     if out_of_range {
-        document.files.message =
-            Some((format!("A light goes {most} EV up or down from the scene's, no further"), true));
-    }
-}
-
-/// Lights that are selected together are coloured together.
-fn share_tint(document: &mut Document, index: usize) {
-    let tint = document.work.mix.lights[index].tint;
-    if document.list.chosen().contains(&index) {
-        document.list.chosen().iter().for_each(|&light| document.work.mix.lights[light].tint = tint);
+        let text = format!("A light goes {most} EV up or down from the scene's, no further");
+        document.message = Some(Message::problem(text));
     }
 }
 
@@ -146,7 +140,8 @@ pub(super) fn colour_popup(ui: &mut Ui, document: &mut Document, index: usize, l
         ui.set_min_width(250.0);
         ui.label(RichText::new(&light.name).strong());
         if colour(ui, &mut document.work.mix.lights[index], light) {
-            share_tint(document, index);
+            // Lights that are selected together are coloured together.
+            share_tint(&document.list, &mut document.work.mix, index);
         }
     });
     response.on_hover_text(about);

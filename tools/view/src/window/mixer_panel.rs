@@ -3,13 +3,17 @@
 use eframe::egui::text::{LayoutJob, TextWrapping};
 use eframe::egui::{self, Color32, Rect, Response, RichText, Role, Sense, TextEdit, Ui, WidgetInfo, pos2, vec2};
 
+use super::actions::{Action, act};
 use super::document::Document;
 use super::fader::{NUMBER, fader, stops_number};
-use super::keys::{Action, act};
+use super::light_list::{LightList, search_id};
 use super::light_panel::colour_popup;
+use super::renaming::Renaming;
 use super::row_menu::{group_menu, light_menu};
+use super::selection::move_stops;
 use super::theme::{ACCENT, IDLE, LINE, SELECTED, TEXT, TROUGH, WEAK, swatch};
-use crate::mixer::STOPS_RANGE;
+use crate::groups::Groups;
+use crate::mixer::Mix;
 use crate::rows::{Order, Row};
 
 /// Height of a row, in points.
@@ -55,7 +59,9 @@ pub(super) fn mixer(ui: &mut Ui, document: &mut Document, titled: bool) {
                     group_row(ui, document, group, depth);
                 }
                 Row::Group { .. } => {}
-                Row::Light { light, depth } => light_row(ui, document, (light, depth), (&rows, at), strongest),
+                Row::Light { light, depth } => {
+                    light_row(ui, document, ListedLight { light, depth, at, rows: &rows }, strongest)
+                }
             }
         }
     });
@@ -120,18 +126,13 @@ fn head(ui: &mut Ui, document: &mut Document, titled: bool) {
     ui.add_space(2.0);
 }
 
-/// Identity of the search field, for its key.
-pub(super) fn search_id() -> egui::Id {
-    egui::Id::unique("search lights")
-}
-
 fn group_row(ui: &mut Ui, document: &mut Document, group: usize, depth: usize) {
     let name = document.work.mix.groups.group(group).name.clone();
     let lights = document.work.mix.groups.lights(group);
     let is_chosen = lights.iter().all(|light| document.list.chosen().contains(light));
-    let (row, response, mut ui) = begin_row(ui, ("group", group), is_chosen && lights.len() > 1);
+    let RowSpace { row, response, mut ui } = begin_row(ui, ("group", group), is_chosen && lights.len() > 1);
     let ui = &mut ui;
-    mark(ui, document, row, Some(group));
+    mark(ui, &document.work.mix.groups, row, Some(group));
     ui.add_space(depth as f32 * INDENT);
     // What is searched for shows in folded groups too.
     let folded = document.list.folded.contains(&name) && document.list.search.trim().is_empty();
@@ -158,8 +159,8 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize, depth: usize) {
     if solo_button(ui, solo, &name).clicked() {
         document.work.mix.toggle_group_solo(group, modifiers.shift);
     }
-    if document.list.renamed.as_ref().is_some_and(|(own, _)| *own == group) {
-        rename(ui, document, name_width(ui, row));
+    if document.list.renamed.as_ref().is_some_and(|renaming| renaming.index == group) {
+        rename(ui, &mut document.list, &mut document.work.mix.groups, name_width(ui, row));
     } else {
         let text = if document.work.mix.groups.group(group).on { TEXT } else { WEAK };
         name_text(ui, row, &format!("{name}  ({})", lights.len()), text, true);
@@ -169,7 +170,7 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize, depth: usize) {
     stops_number(ui, &mut mix.stops);
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("group {name}, row")));
     if response.double_clicked() {
-        document.list.renamed = Some((group, name.clone()));
+        document.list.renamed = Some(Renaming::of(group, &name));
     } else if response.clicked() {
         document.list.select_all(lights.iter().copied());
     }
@@ -181,17 +182,17 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize, depth: usize) {
 }
 
 /// The field in which a group's name is typed.
-fn rename(ui: &mut Ui, document: &mut Document, width: f32) {
-    let Some((group, text)) = &mut document.list.renamed else { return };
+fn rename(ui: &mut Ui, list: &mut LightList, groups: &mut Groups, width: f32) {
+    let Some(Renaming { index: group, text }) = &mut list.renamed else { return };
     let field = ui.add(TextEdit::singleline(text).desired_width(width - 8.0).id(egui::Id::unique("rename group")));
     if field.lost_focus() {
         let (group, text) = (*group, text.clone());
-        document.list.renamed = None;
+        list.renamed = None;
         if !ui.input(|input| input.key_pressed(egui::Key::Escape)) {
-            let was_folded = document.list.folded.remove(&document.work.mix.groups.group(group).name);
-            document.work.mix.groups.rename(group, &text);
+            let was_folded = list.folded.remove(&groups.group(group).name);
+            groups.rename(group, &text);
             if was_folded {
-                document.list.folded.insert(document.work.mix.groups.group(group).name.clone());
+                list.folded.insert(groups.group(group).name.clone());
             }
         }
     } else if !field.has_focus() {
@@ -199,17 +200,23 @@ fn rename(ui: &mut Ui, document: &mut Document, width: f32) {
     }
 }
 
-fn light_row(
-    ui: &mut Ui,
-    document: &mut Document,
-    (light, depth): (usize, usize),
-    (rows, at): (&[Row], usize),
-    strongest: f32,
-) {
+/// A light among the rows of the list.
+#[derive(Clone, Copy)]
+struct ListedLight<'a> {
+    light: usize,
+    /// How many groups it stands in.
+    depth: usize,
+    /// The place of its row.
+    at: usize,
+    rows: &'a [Row],
+}
+
+fn light_row(ui: &mut Ui, document: &mut Document, listed: ListedLight, strongest: f32) {
+    let ListedLight { light, depth, .. } = listed;
     let chosen = document.list.chosen().contains(&light);
-    let (row, response, mut ui) = begin_row(ui, ("light", light), chosen);
+    let RowSpace { row, response, mut ui } = begin_row(ui, ("light", light), chosen);
     let ui = &mut ui;
-    mark(ui, document, row, document.work.mix.groups.of_light(light));
+    mark(ui, &document.work.mix.groups, row, document.work.mix.groups.of_light(light));
     let described = document.session.basis().lights()[light].clone();
     let shines = document.work.mix.shines(light);
     let colour = swatch(document.work.mix.lights[light].colour(&described));
@@ -238,18 +245,13 @@ fn light_row(
     name_text(ui, row, shown.as_deref().unwrap_or(&name), if shines { TEXT } else { WEAK }, false);
     let tint = if shines { colour } else { Color32::from_gray(84) };
     let mut stops = document.work.mix.lights[light].stops;
-    let before = stops;
     let moved = fader(ui, &mut stops, fader_width(row), &name, tint).changed();
     if stops_number(ui, &mut stops).changed() || moved {
         // Selected together, they move together.
         if !chosen {
             document.list.select(light);
         }
-        for &other in document.list.chosen() {
-            let own = &mut document.work.mix.lights[other].stops;
-            *own = (*own + stops - before).clamp(*STOPS_RANGE.start(), *STOPS_RANGE.end());
-        }
-        document.work.mix.lights[light].stops = stops;
+        move_stops(&document.list, &mut document.work.mix, light, stops);
     }
     let share = document.list.contributions.get(light).copied().unwrap_or(0.0).max(0.0);
     if strongest > 0.0 {
@@ -257,7 +259,7 @@ fn light_row(
         let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 1.5), vec2(row.width() * part, 1.5));
         ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.28) } else { TROUGH });
     }
-    select_by(ui, document, light, (rows, at), &response);
+    select_by(ui, &mut document.list, &mut document.work.mix, listed, &response);
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("{name}, row")));
     response.context_menu(|ui| light_menu(ui, document, light));
     let all: f32 = document.list.contributions.iter().map(|v| v.max(0.0)).sum();
@@ -266,32 +268,42 @@ fn light_row(
 }
 
 /// Selects by clicks and drags on a row.
-fn select_by(ui: &Ui, document: &mut Document, light: usize, (rows, at): (&[Row], usize), response: &Response) {
+fn select_by(ui: &Ui, list: &mut LightList, mix: &mut Mix, listed: ListedLight, response: &Response) {
+    let ListedLight { light, at, rows, .. } = listed;
     let modifiers = ui.input(|input| input.modifiers);
     if response.clicked() && modifiers.alt {
-        document.work.mix.toggle_solo(light, modifiers.shift);
+        mix.toggle_solo(light, modifiers.shift);
     } else if response.clicked() && modifiers.shift {
-        document.list.select_to(light, rows);
+        list.select_to(light, rows);
     } else if response.clicked() && modifiers.command {
-        document.list.toggle(light);
+        list.toggle(light);
     } else if response.clicked() || response.drag_started() {
-        document.list.select(light);
+        list.select(light);
     }
     if let (true, Some(pointer)) = (response.dragged(), response.interact_pointer_pos()) {
         let offset = ((pointer.y - response.rect.top()) / ROW).floor() as isize;
         let over = at.saturating_add_signed(offset).min(rows.len() - 1);
         if let Row::Light { light: over, .. } = rows[over] {
-            document.list.select_to(over, rows);
+            list.select_to(over, rows);
         }
     }
-    if response.secondary_clicked() && !document.list.chosen().contains(&light) {
-        document.list.select(light);
+    if response.secondary_clicked() && !list.chosen().contains(&light) {
+        list.select(light);
     }
+}
+
+/// The space of a row.
+struct RowSpace {
+    row: Rect,
+    /// Of all of it.
+    response: Response,
+    /// For what is in it.
+    ui: Ui,
 }
 
 /// The space of a row, with what lies behind it: all of it can be clicked. What is in it is known by `what`, wherever the
 /// row stands: a fader that is dragged or has the keyboard stays that of its light.
-fn begin_row(ui: &mut Ui, what: (&str, usize), selected: bool) -> (Rect, Response, Ui) {
+fn begin_row(ui: &mut Ui, what: impl egui::AsIdSalt + Copy, selected: bool) -> RowSpace {
     let (_, row) = ui.allocate_space(vec2(ui.available_width(), ROW));
     // Not a stop for Tab: its parts are.
     let response = ui.interact(row, ui.scope_id().with((what, "row")), Sense::CLICK | Sense::DRAG);
@@ -303,12 +315,12 @@ fn begin_row(ui: &mut Ui, what: (&str, usize), selected: bool) -> (Rect, Respons
     ui.painter().hline(row.x_range(), row.bottom() - 0.5, (1.0, LINE.gamma_multiply(0.5)));
     let layout = egui::Layout::left_to_right(egui::Align::Center);
     let inside = row.shrink2(vec2(4.0, 0.0));
-    (row, response, ui.new_child(egui::UiBuilder::new().id_salt(what).max_rect(inside).layout(layout)))
+    let ui = ui.new_child(egui::UiBuilder::new().id_salt(what).max_rect(inside).layout(layout));
+    RowSpace { row, response, ui }
 }
 
 /// The colours of the groups around a row, at its left edge.
-fn mark(ui: &Ui, document: &Document, row: Rect, group: Option<usize>) {
-    let groups = &document.work.mix.groups;
+fn mark(ui: &Ui, groups: &Groups, row: Rect, group: Option<usize>) {
     let around = std::iter::successors(group, |&group| groups.group(group).parent);
     if let Some([r, g, b]) = around.into_iter().find_map(|group| groups.group(group).colour) {
         let bar = Rect::from_min_size(row.left_top(), vec2(3.0, row.height()));

@@ -2,12 +2,13 @@
 
 use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, vec2};
 
+use super::comparison::difference_in_words;
 use super::document::Document;
-use super::light_meter::{draw_area, draw_labels};
-use super::seen_lights::{SUN_GRIP, draw_band, draw_suns};
+use super::message::Message;
+use super::meter_overlay::{draw_area, draw_labels};
+use super::seen_lights::{SUN_GRIP, SeenSun, camera, draw_band, draw_suns, move_sun, seen_suns, select_in_picture};
 use super::theme::{ACCENT, WEAK};
 use super::view_state::Beside;
-use crate::difference::Difference;
 
 /// How near, in points, the pointer must be to take hold of the wipe.
 const GRIP: f32 = 7.0;
@@ -67,7 +68,7 @@ impl Place {
 
     /// The light whose sun is taken hold of at a place.
     fn sun_at(&self, document: &Document, at: Pos2) -> Option<usize> {
-        let suns = document.seen_suns().into_iter();
+        let suns = suns_of(document).into_iter();
         let near = suns.map(|sun| (self.to_screen(document, sun.position).distance(at), sun.light));
         near.filter(|(distance, _)| *distance < SUN_GRIP).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, light)| light)
     }
@@ -107,7 +108,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     } else if let (true, Some(sky), Some(pointer)) =
         (response.clicked(), sky_for_suns(document), response.interact_pointer_pos())
     {
-        document.move_sun(sky, place.to_picture(document, pointer));
+        move_sun_to(document, sky, place.to_picture(document, pointer));
     } else if let (true, Some(pixel)) = (response.clicked(), document.view.hovered) {
         document.view.select_strongest = true;
         document.session.worker.ask_pixel(pixel);
@@ -115,7 +116,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     let place = Place::of(rect, document);
     draw(ui, document, &place);
     let painter = ui.painter().with_clip_rect(rect);
-    draw_suns(&painter, &document.seen_suns(), |position| place.to_screen(document, position));
+    draw_suns(&painter, &suns_of(document), |position| place.to_screen(document, position));
     if let Some(band) = held_band(ui, &response) {
         draw_band(&painter, band);
     }
@@ -125,7 +126,15 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
 /// The sky that a click in the picture puts the sun into: the selected one, while the sun is its tool.
 fn sky_for_suns(document: &Document) -> Option<usize> {
     let light = document.list.selected().filter(|&light| document.basis().lights()[light].kind.is_environment());
-    light.filter(|_| document.easel.puts_suns() && document.camera().is_some())
+    light.filter(|_| document.editor.puts_suns() && camera(&document.session).is_some())
+}
+
+fn suns_of(document: &Document) -> Vec<SeenSun> {
+    seen_suns(&document.session, &document.work.mix, document.editor.sun.as_ref())
+}
+
+fn move_sun_to(document: &mut Document, light: usize, position: [f32; 2]) {
+    move_sun(&document.session, &mut document.work.mix, &mut document.editor, light, position);
 }
 
 fn held_id() -> egui::Id {
@@ -157,7 +166,8 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
     let held = ui.data(|data| data.get_temp(id).unwrap_or(Held::Picture));
     if let (Held::Band(from), Some(to), true) = (held, response.interact_pointer_pos(), response.drag_stopped()) {
         let corners = [from, to].map(|at| place.to_picture(document, at));
-        document.select_in_picture(corners, modifiers.command);
+        let text = select_in_picture(&document.session, &mut document.list, corners, modifiers.command);
+        document.message = Some(Message::info(text));
     }
     if !response.dragged() {
         return;
@@ -173,7 +183,7 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
                 *corner = position;
             }
         }
-        (Held::Sun(light), Some(pointer)) => document.move_sun(light, place.to_picture(document, pointer)),
+        (Held::Sun(light), Some(pointer)) => move_sun_to(document, light, place.to_picture(document, pointer)),
         (Held::Band(_), _) => {}
         _ => {
             let delta = response.drag_delta();
@@ -266,14 +276,6 @@ fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &
     if let Some(difference) = document.compare.difference() {
         let bottom = picture.bottom().min(rect.bottom()) - 16.0;
         tag(painter, Align2::CENTER_CENTER, pos2(rect.center().x, bottom), &difference_in_words(difference));
-    }
-}
-
-/// The numbers of a difference.
-pub(super) fn difference_in_words(difference: &Difference) -> String {
-    match difference.psnr_db.is_finite() {
-        true => format!("FLIP {:.3}   PSNR {:.1} dB", difference.flip, difference.psnr_db),
-        false => "Equal, pixel by pixel".to_owned(),
     }
 }
 

@@ -11,14 +11,24 @@ use ltm::light::Lighting;
 
 use super::shown_picture::Latency;
 
+/// How a picture was to be shown.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct RequestedDisplay {
+    pub(super) display: Display,
+    /// The snapshot that it was compared with.
+    pub(super) snapshot: Option<usize>,
+    /// Address of that one's image.
+    pub(super) image: Option<usize>,
+}
+
 pub(super) struct Requests {
     /// The newest lighting, and the mix that it was made of.
     pub(super) lighting: Arc<Lighting>,
     pub(super) lit: Option<Mix>,
     /// What each column brings to the picture, once that is known.
     pub(super) reach: Option<TexelReach>,
-    /// The newest display, the snapshot that the picture was compared with by then, and the place of that one's image.
-    pub(super) display: Option<(Display, Option<usize>, Option<usize>)>,
+    /// The newest display.
+    pub(super) display: Option<RequestedDisplay>,
     /// Generations of the newest request, and of the newest that changed the lighting.
     pub(super) generation: u64,
     pub(super) relit: u64,

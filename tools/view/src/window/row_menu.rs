@@ -1,10 +1,11 @@
-//! Menus of the mixer's rows, and what is done to several lights at once.
+//! Menus of the mixer's rows.
 
 use eframe::egui::{self, Color32, Ui};
 
 use super::document::Document;
+use super::renaming::Renaming;
+use super::selection;
 use super::theme::WEAK;
-use crate::mixer::LightMix;
 
 /// Colours that groups are told apart by: of about one lightness, names for those who cannot tell them apart.
 const COLOURS: [(&str, [u8; 3]); 7] = [
@@ -16,94 +17,6 @@ const COLOURS: [(&str, [u8; 3]); 7] = [
     ("Violet", [164, 122, 216]),
     ("Grey", [150, 150, 150]),
 ];
-
-impl Document {
-    /// Makes a group of the selected lights, whose name can be typed at once.
-    pub(super) fn group_chosen(&mut self) {
-        let lights: Vec<usize> = self.list.chosen().iter().copied().collect();
-        let group = self.work.mix.groups.make("Group", &lights);
-        let Some(group) = group else { return };
-        let groups = &self.work.mix.groups;
-        for around in std::iter::successors(Some(group), |&group| groups.group(group).parent) {
-            self.list.folded.remove(&groups.group(around).name);
-        }
-        self.list.search.clear();
-        self.list.renamed = Some((group, groups.group(group).name.clone()));
-        if let Some(&first) = lights.first() {
-            self.list.select_all(lights.iter().copied());
-            self.list.scroll_to_selected = first > 0;
-        }
-    }
-
-    /// Takes the innermost groups of the selected lights away.
-    pub(super) fn ungroup_chosen(&mut self) {
-        let groups = &mut self.work.mix.groups;
-        let of_chosen = |groups: &crate::groups::Groups, light: usize| groups.of_light(light);
-        let mut names: Vec<String> = Vec::new();
-        for &light in self.list.chosen() {
-            if let Some(group) = of_chosen(groups, light) {
-                names.push(groups.group(group).name.clone());
-            }
-        }
-        for name in names {
-            if let Some(group) = groups.find(&name) {
-                groups.dissolve(group);
-            }
-        }
-        self.list.renamed = None;
-    }
-
-    /// Puts the selected lights into a group, or into none.
-    fn put_chosen(&mut self, group: Option<usize>) {
-        let name = group.map(|group| self.work.mix.groups.group(group).name.clone());
-        for &light in self.list.chosen() {
-            // An emptied group moves the indices of others.
-            let group = name.as_ref().and_then(|name| self.work.mix.groups.find(name));
-            self.work.mix.groups.put(light, group);
-        }
-        self.list.renamed = None;
-    }
-
-    /// Switches the selected lights: off where any of them is on.
-    pub(super) fn switch_chosen(&mut self) {
-        let lights = &mut self.work.mix.lights;
-        let on = !self.list.chosen().iter().any(|&light| lights[light].on);
-        self.list.chosen().iter().for_each(|&light| lights[light].on = on);
-    }
-
-    /// Solo on the selected lights together, or an end of it.
-    pub(super) fn solo_chosen(&mut self) {
-        let chosen = self.list.chosen();
-        let lights = &self.work.mix.lights;
-        let is_so = (0..lights.len()).all(|light| lights[light].solo == chosen.contains(&light));
-        self.work.mix.clear_solo();
-        if !is_so {
-            chosen.iter().for_each(|&light| self.work.mix.lights[light].solo = true);
-        }
-    }
-
-    /// Gives the selected lights the settings that were copied; a texture only where it fits.
-    fn paste(&mut self) {
-        let Some(copied) = self.list.copied.clone() else { return };
-        for &light in self.list.chosen() {
-            let own = &mut self.work.mix.lights[light];
-            let size = self.session.basis().lights()[light].layout();
-            let fits = copied.pattern.as_ref().is_none_or(|pattern| pattern.size() == size);
-            let LightMix { on, stops, tint, .. } = copied;
-            *own = match fits {
-                true => LightMix { solo: own.solo, ..copied.clone() },
-                false => LightMix { on, stops, tint, ..own.clone() },
-            };
-        }
-    }
-
-    fn reset_chosen(&mut self) {
-        for &light in self.list.chosen() {
-            let solo = self.work.mix.lights[light].solo;
-            self.work.mix.lights[light] = LightMix { solo, ..self.work.scene.lights[light].clone() };
-        }
-    }
-}
 
 fn item(ui: &mut Ui, name: &str, enabled: bool) -> bool {
     ui.add_enabled(enabled, egui::Button::new(name)).clicked()
@@ -118,35 +31,35 @@ pub(super) fn light_menu(ui: &mut Ui, document: &mut Document, light: usize) {
     }
     let any_on = document.list.chosen().iter().any(|&light| document.work.mix.lights[light].on);
     if item(ui, if any_on { "Switch off" } else { "Switch on" }, true) {
-        document.switch_chosen();
+        selection::switch(&document.list, &mut document.work.mix);
     }
     if item(ui, "Solo", true) {
-        document.solo_chosen();
+        selection::solo(&document.list, &mut document.work.mix);
     }
     ui.separator();
     if item(ui, "Copy settings", true) {
         document.list.copied = Some(document.work.mix.lights[light].clone());
     }
     if item(ui, "Paste settings", document.list.copied.is_some()) {
-        document.paste();
+        selection::paste(&document.list, document.session.basis(), &mut document.work.mix);
     }
     if item(ui, "Reset", true) {
-        document.reset_chosen();
+        selection::reset(&document.list, &mut document.work);
     }
     ui.separator();
     if item(ui, "Make a group", true) {
-        document.group_chosen();
+        selection::group(&mut document.list, &mut document.work.mix);
     }
     let names: Vec<String> = document.work.mix.groups.list().iter().map(|group| group.name.clone()).collect();
     ui.menu_button("Move to group", |ui| {
         egui::ScrollArea::vertical().max_height(300.0).show(ui, |ui| {
             for (group, name) in names.iter().enumerate() {
                 if item(ui, name, true) {
-                    document.put_chosen(Some(group));
+                    selection::move_to_group(&mut document.list, &mut document.work.mix, Some(group));
                 }
             }
             if item(ui, "None", true) {
-                document.put_chosen(None);
+                selection::move_to_group(&mut document.list, &mut document.work.mix, None);
             }
         });
     });
@@ -164,11 +77,11 @@ pub(super) fn group_menu(ui: &mut Ui, document: &mut Document, group: usize) {
     }
     if item(ui, "Paste settings to its lights", document.list.copied.is_some()) {
         document.list.select_all(document.work.mix.groups.lights(group));
-        document.paste();
+        selection::paste(&document.list, document.session.basis(), &mut document.work.mix);
     }
     ui.separator();
     if item(ui, "Rename", true) {
-        document.list.renamed = Some((group, own.name.clone()));
+        document.list.renamed = Some(Renaming::of(group, &own.name));
     }
     ui.menu_button("Colour", |ui| {
         for (name, colour) in COLOURS {

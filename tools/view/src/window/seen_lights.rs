@@ -2,11 +2,13 @@
 
 use eframe::egui::{self, Color32, Pos2, Rect, Stroke};
 
-use super::document::Document;
-use super::sun_panel::put_sun;
+use super::light_list::LightList;
+use super::pattern_editor::PatternEditorState;
 use super::theme::ACCENT;
+use crate::mixer::Mix;
 use crate::seen::{lights_within, position};
-use crate::sun::{choose_sun, nearest_texel, suns};
+use crate::sun::{PlacedSun, choose_sun, nearest_texel, suns};
+use crate::worker::Session;
 use ltm::light::LightKind;
 use ltm::scene::Camera;
 
@@ -22,66 +24,69 @@ pub(super) struct SeenSun {
     shines: bool,
 }
 
-impl Document {
-    /// The camera that the picture was rendered with.
-    pub(super) fn camera(&self) -> Option<Camera> {
-        let job = self.session.container.job();
-        Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
-    }
+/// The camera that the picture was rendered with.
+pub(super) fn camera(session: &Session) -> Option<Camera> {
+    let job = session.container.job();
+    Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
+}
 
-    /// The suns that the camera has before it: that which was put into a sky, and those of the scene.
-    pub(super) fn seen_suns(&self) -> Vec<SeenSun> {
-        let Some(camera) = self.camera() else { return Vec::new() };
-        let mix = &self.work.mix;
-        let put = self.easel.sun.as_ref().and_then(|sun| {
-            let (index, own) = (sun.light(), mix.lights.get(sun.light())?);
-            // A sky that is turned takes its sun along; the next sun is put into the sky as it lies then.
-            let texel = sun.texel(index, own).filter(|_| own.turn_radians == 0.0)?;
-            let direction = self.basis().lights()[index].places[texel];
-            Some((index, camera.position(direction.into())?.to_array()))
-        });
-        let own = suns(self.basis()).into_iter();
-        let own = own.filter_map(|index| Some((index, position(&camera, &self.basis().lights()[index])?)));
-        put.into_iter()
-            .chain(own)
-            .map(|(light, position)| SeenSun { light, position, shines: mix.shines(light) })
-            .collect()
-    }
+/// The suns that the camera has before it: that which was `placed` into a sky, and those of the scene.
+pub(super) fn seen_suns(session: &Session, mix: &Mix, placed: Option<&PlacedSun>) -> Vec<SeenSun> {
+    let Some(camera) = camera(session) else { return Vec::new() };
+    let basis = session.basis();
+    let placed = placed.and_then(|sun| {
+        let (index, own) = (sun.light(), mix.lights.get(sun.light())?);
+        // A sky that is turned takes its sun along; the next sun is put into the sky as it lies then.
+        let texel = sun.texel(index, own).filter(|_| own.turn_radians == 0.0)?;
+        let direction = basis.lights()[index].places[texel];
+        Some((index, camera.position(direction.into())?.to_array()))
+    });
+    let own = suns(basis).into_iter();
+    let own = own.filter_map(|index| Some((index, position(&camera, &basis.lights()[index])?)));
+    placed
+        .into_iter()
+        .chain(own)
+        .map(|(light, position)| SeenSun { light, position, shines: mix.shines(light) })
+        .collect()
+}
 
-    /// Moves the sun of a sky to where a position of the picture points, or leaves on that of several suns which stands
-    /// nearest to it.
-    pub(super) fn move_sun(&mut self, light: usize, position: [f32; 2]) {
-        let Some(camera) = self.camera() else { return };
-        let direction = camera.direction(position.into()).to_array();
-        let container = self.session.container.clone();
-        let basis = &container.job().basis;
-        if basis.lights()[light].kind == LightKind::Sun {
-            choose_sun(basis, &mut self.work.mix, direction);
-        } else {
-            let own = &basis.lights()[light];
-            put_sun(self, light, own, nearest_texel(own, direction));
-        }
+/// Moves the sun of a sky to where a position of the picture points, or leaves on that of several suns which stands
+/// nearest to it.
+pub(super) fn move_sun(
+    session: &Session,
+    mix: &mut Mix,
+    editor: &mut PatternEditorState,
+    light: usize,
+    position: [f32; 2],
+) {
+    let Some(camera) = camera(session) else { return };
+    let direction = camera.direction(position.into()).to_array();
+    let basis = session.basis();
+    let own = &basis.lights()[light];
+    if own.kind == LightKind::Sun {
+        choose_sun(basis, mix, direction);
+    } else {
+        editor.put_sun(&mut mix.lights[light], light, own, nearest_texel(own, direction));
     }
+}
 
-    /// Selects the lights whose middle lies in a rectangle of the picture, beside those that are selected if it `adds`.
-    pub(super) fn select_in_picture(&mut self, corners: [[f32; 2]; 2], adds: bool) {
-        let Some(camera) = self.camera() else {
-            let text = "This container does not say how its camera stood; those rendered from now on do";
-            return self.files.message = Some((text.to_owned(), false));
-        };
-        let found = lights_within(&camera, self.basis(), corners);
-        let count = found.len();
-        if count > 0 {
-            let before: Vec<usize> = self.list.chosen().iter().copied().filter(|_| adds).collect();
-            self.list.select_all(found.into_iter().chain(before));
-            self.list.scroll_to_selected = true;
-        }
-        let text = match count {
-            0 => "No light has its middle there".to_owned(),
-            1 => "One light selected".to_owned(),
-            count => format!("{count} lights selected"),
-        };
-        self.files.message = Some((text, false));
+/// Selects the lights whose middle lies in a rectangle of the picture, beside those that are selected if it `adds`; what
+/// to say about it.
+pub(super) fn select_in_picture(session: &Session, list: &mut LightList, corners: [[f32; 2]; 2], adds: bool) -> String {
+    let Some(camera) = camera(session) else {
+        return "This container does not say how its camera stood; those rendered from now on do".to_owned();
+    };
+    let found = lights_within(&camera, session.basis(), corners);
+    let count = found.len();
+    if count > 0 {
+        let before: Vec<usize> = list.chosen().iter().copied().filter(|_| adds).collect();
+        list.select_all(found.into_iter().chain(before));
+        list.scroll_to_selected = true;
+    }
+    match count {
+        0 => "No light has its middle there".to_owned(),
+        1 => "One light selected".to_owned(),
+        count => format!("{count} lights selected"),
     }
 }
 

@@ -25,6 +25,15 @@ pub(super) struct Latency {
     pub(super) total_secs: f64,
 }
 
+/// The values of a picture.
+pub(super) struct PictureValues {
+    /// Generation of the picture.
+    pub(super) generation: u64,
+    /// Linear radiance.
+    pub(super) image: Arc<LinearImage>,
+    pub(super) histogram: Vec<[f32; 3]>,
+}
+
 pub(super) struct ShownPicture {
     /// Linear radiance of the newest picture whose values have come.
     pub(super) image: Option<Arc<LinearImage>>,
@@ -72,11 +81,7 @@ impl ShownPicture {
     }
 
     /// Puts a picture on the screen. Its values and histogram, where they have come with it.
-    pub(super) fn take(
-        &mut self,
-        context: &egui::Context,
-        picture: Picture,
-    ) -> Option<(Arc<LinearImage>, Vec<[f32; 3]>)> {
+    pub(super) fn take(&mut self, context: &egui::Context, picture: Picture) -> Option<PictureValues> {
         self.progress = picture.progress;
         (self.seen, self.pictures) = (picture.generation, self.pictures + 1);
         self.count_arrival();
@@ -84,7 +89,7 @@ impl ShownPicture {
             (Seen::Bytes(shown, image), _) => {
                 set_texture(context, &mut self.texture, "picture", &shown);
                 self.screen = None;
-                return Some((image, shown.histogram));
+                return Some(PictureValues { generation: picture.generation, image, histogram: shown.histogram });
             }
             (Seen::Texture(texture), Some(state)) => {
                 if !self.screen.as_ref().is_some_and(|screen| screen.shows(&texture)) {

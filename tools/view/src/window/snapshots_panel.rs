@@ -3,17 +3,20 @@
 use eframe::egui::{self, RichText, Sense, TextEdit, Ui};
 
 use super::chooser::Purpose;
+use super::comparison::{Comparison, difference_in_words};
 use super::document::Document;
-use super::picture_panel::difference_in_words;
+use super::message::Message;
+use super::renaming::Renaming;
 use super::theme::{ACCENT, WEAK, section};
 use super::view_state::Beside;
+use crate::display::Display;
 
 pub(super) fn snapshots(ui: &mut Ui, document: &mut Document) {
     section(ui, "SNAPSHOTS");
     let mut removed = None;
     for index in 0..document.compare.snapshots.list().len() {
         ui.horizontal(|ui| {
-            let compares = small_picture(ui, document, index);
+            let compares = small_picture(ui, &mut document.compare, document.view.display, index);
             ui.vertical(|ui| removed = buttons(ui, document, index, compares).or(removed));
         });
     }
@@ -21,7 +24,7 @@ pub(super) fn snapshots(ui: &mut Ui, document: &mut Document) {
         document.compare.remove(index);
     }
     if document.compare.snapshots.compared().is_some() {
-        beside(ui, document);
+        beside(ui, &document.compare, &mut document.view.beside);
     }
     ui.horizontal(|ui| {
         if ui.button("Take snapshot").on_hover_text("Keep this lighting and its picture (K)").clicked() {
@@ -31,34 +34,38 @@ pub(super) fn snapshots(ui: &mut Ui, document: &mut Document) {
             document.files.wanted = Some(Purpose::Reference);
         }
     });
-    sequence(ui, document);
+    if let Some(purpose) = sequence(ui, &mut document.compare) {
+        document.files.wanted = Some(purpose);
+    }
 }
 
-/// Buttons for what is made of all snapshots together.
-fn sequence(ui: &mut Ui, document: &mut Document) {
-    let (all, mixes) = (document.compare.snapshots.list().len(), document.compare.snapshots.mixes().len());
+/// Buttons for what is made of all snapshots together; the file that is asked for.
+fn sequence(ui: &mut Ui, compare: &mut Comparison) -> Option<Purpose> {
+    let (all, mixes) = (compare.snapshots.list().len(), compare.snapshots.mixes().len());
     if all < 2 {
-        return;
+        return None;
     }
+    let mut wanted = None;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         if ui.button("Sheet…").on_hover_text("All snapshots with their names, on one PNG or a PDF").clicked() {
-            document.files.wanted = Some(Purpose::Sheet);
+            wanted = Some(Purpose::Sheet);
         }
         let about = "From snapshot to snapshot, as numbered PNGs or, where ffmpeg is installed, as a video (MP4, WebM); \
                      times of a look's file count, if it has any";
         if ui.add_enabled(mixes > 1, egui::Button::new("Animation…")).on_hover_text(about).clicked() {
-            document.files.wanted = Some(Purpose::Animation);
+            wanted = Some(Purpose::Animation);
         }
-        let step = egui::DragValue::new(&mut document.compare.step_secs).range(0.1..=600.0).speed(0.05);
+        let step = egui::DragValue::new(&mut compare.step_secs).range(0.1..=600.0).speed(0.05);
         ui.add(step.max_decimals(1).suffix(" s")).on_hover_text("Time from one snapshot to the next");
-        let rate = egui::DragValue::new(&mut document.compare.frames_per_sec).range(1.0..=120.0).speed(0.1);
+        let rate = egui::DragValue::new(&mut compare.frames_per_sec).range(1.0..=120.0).speed(0.1);
         ui.add(rate.max_decimals(2).suffix(" fps")).on_hover_text("Frames a second");
     });
+    wanted
 }
 
 /// How the compared picture stands beside the picture, and how far the two are apart.
-fn beside(ui: &mut Ui, document: &mut Document) {
+fn beside(ui: &mut Ui, compare: &Comparison, beside: &mut Beside) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         for (name, own, about) in [
@@ -66,23 +73,22 @@ fn beside(ui: &mut Ui, document: &mut Document) {
             ("Other", Beside::Other, "The other one whole (V, or Alt held)"),
             ("Difference", Beside::Difference, "FLIP of each pixel (D)"),
         ] {
-            let is_so = document.view.beside == own;
+            let is_so = *beside == own;
             if ui.selectable_label(is_so, name).on_hover_text(about).clicked() {
-                document.view.beside = own;
+                *beside = own;
             }
         }
     });
-    let text = document.compare.difference().map_or_else(|| "…".to_owned(), difference_in_words);
+    let text = compare.difference().map_or_else(|| "…".to_owned(), difference_in_words);
     let about =
         "Of the two as they are shown. FLIP: 0 for equal pictures, 1 at most, at 67 pixels a degree. PSNR: of 8 bits.";
     ui.label(RichText::new(text).size(12.0)).on_hover_text(about);
 }
 
 /// The small picture; whether it was clicked.
-fn small_picture(ui: &mut Ui, document: &mut Document, index: usize) -> bool {
-    let display = document.view.display;
-    let compared = document.compare.snapshots.compared() == Some(index);
-    let Some(texture) = document.compare.thumbnail(ui.ctx(), index, display) else {
+fn small_picture(ui: &mut Ui, compare: &mut Comparison, display: Display, index: usize) -> bool {
+    let compared = compare.snapshots.compared() == Some(index);
+    let Some(texture) = compare.thumbnail(ui.ctx(), index, display) else {
         let (rect, _) = ui.allocate_exact_size(egui::vec2(64.0, 48.0), Sense::hover());
         ui.painter().rect_filled(rect, 2.0, egui::Color32::from_gray(17));
         return false;
@@ -127,12 +133,12 @@ fn buttons(ui: &mut Ui, document: &mut Document, index: usize, compares: bool) -
 
 /// The name, which a double click changes.
 fn name(ui: &mut Ui, document: &mut Document, index: usize) {
-    let renamed = document.compare.renamed.as_mut().filter(|(own, _)| *own == index);
-    if let Some((_, text)) = renamed {
+    let renamed = document.compare.renamed.as_mut().filter(|renaming| renaming.index == index);
+    if let Some(Renaming { text, .. }) = renamed {
         let field = ui.add(TextEdit::singleline(text).desired_width(150.0).id(egui::Id::unique("rename snapshot")));
         if field.lost_focus() {
             let keeps = !ui.input(|input| input.key_pressed(egui::Key::Escape));
-            let text = document.compare.renamed.take().map(|(_, text)| text).unwrap_or_default();
+            let text = document.compare.renamed.take().map(|renaming| renaming.text).unwrap_or_default();
             let before = document.compare.snapshots.list()[index].name.clone();
             if keeps && document.compare.snapshots.rename(index, &text) {
                 document.compare.forget_thumbnail(&before);
@@ -140,7 +146,7 @@ fn name(ui: &mut Ui, document: &mut Document, index: usize) {
                     text.trim().clone_into(look);
                 }
             } else if keeps {
-                document.files.message = Some((format!("'{text}' is the name of another snapshot"), true));
+                document.message = Some(Message::problem(format!("'{text}' is the name of another snapshot")));
             }
         } else if !field.has_focus() {
             field.request_focus();
@@ -150,6 +156,6 @@ fn name(ui: &mut Ui, document: &mut Document, index: usize) {
     let text = document.compare.snapshots.list()[index].name.clone();
     let label = egui::Label::new(&text).truncate().selectable(false).sense(Sense::click());
     if ui.add(label).on_hover_text("Double-click to rename").double_clicked() {
-        document.compare.renamed = Some((index, text));
+        document.compare.renamed = Some(Renaming::of(index, text));
     }
 }

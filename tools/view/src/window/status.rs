@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use eframe::egui::{self, RichText, Ui};
 
 use super::document::Document;
+use super::message::Message;
 use super::theme::{ACCENT, ALARM, TEXT, WEAK};
 use ltm::light::denoise_errors_line;
 use ltm::resources::human_bytes;
@@ -28,14 +29,14 @@ fn weak(text: String) -> RichText {
 }
 
 fn message(ui: &mut Ui, document: &mut Document) {
-    if document.files.beside > 0 {
+    if document.files.any_open() {
         ui.spinner();
         ui.label(weak("working".into()));
-    } else if let Some((message, alarm)) = &document.files.message {
-        let text = RichText::new(message).size(11.5).color(if *alarm { ALARM } else { TEXT });
+    } else if let Some(Message { text: message, is_error }) = &document.message {
+        let text = RichText::new(message).size(11.5).color(if *is_error { ALARM } else { TEXT });
         let response = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
         if response.on_hover_text(format!("{message}\n\nClick to dismiss")).clicked() {
-            document.files.message = None;
+            document.message = None;
         }
     } else {
         let [width, height] = document.size();

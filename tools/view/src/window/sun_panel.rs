@@ -3,46 +3,48 @@
 use eframe::egui::{DragValue, RichText, Ui};
 
 use super::document::Document;
+use super::message::line;
+use super::pattern_editor::PatternEditorState;
 use super::theme::{WEAK, section};
-use crate::sun::{PlacedSun, choose_sun, nearest_texel, suns};
-use crate::words::line;
+use crate::mixer::LightMix;
+use crate::sun::{Moment, choose_sun, nearest_texel, suns};
 use ltm::light::Light;
 
-/// Puts the sun onto a texel of a sky.
-pub(super) fn put_sun(document: &mut Document, index: usize, light: &Light, texel: usize) {
-    let (easel, own) = (&mut document.easel, &mut document.work.mix.lights[index]);
-    easel.sun = Some(PlacedSun::put(easel.sun.take(), own, (index, light), texel, easel.sun_stops));
-}
-
 /// What can be set of the sun of a sky.
-pub(super) fn sun_settings(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
-    let placed = document.easel.sun.as_ref();
-    let texel = placed.and_then(|sun| sun.texel(index, &document.work.mix.lights[index]));
+pub(super) fn sun_settings(
+    ui: &mut Ui,
+    editor: &mut PatternEditorState,
+    own: &mut LightMix,
+    index: usize,
+    light: &Light,
+    has_camera: bool,
+) {
+    let texel = editor.sun.as_ref().and_then(|sun| sun.texel(index, own));
     ui.horizontal_wrapped(|ui| {
         ui.label("Sun over sky");
-        let stops = DragValue::new(&mut document.easel.sun_stops).range(-4.0..=10.0).speed(0.05).max_decimals(1);
+        let stops = DragValue::new(&mut editor.sun_stops).range(-4.0..=10.0).speed(0.05).max_decimals(1);
         let about = "How much more the sun sends than the rest of the sky, in stops";
         let changed = ui.add(stops.suffix(" EV")).on_hover_text(about).changed();
         if let (true, Some(texel)) = (changed, texel) {
-            put_sun(document, index, light, texel);
+            editor.put_sun(own, index, light, texel);
         }
         match texel {
             Some(texel) => {
-                let angles = document.easel.moment.angles(light.places[texel]);
+                let angles = editor.moment.angles(light.places[texel]);
                 let text = format!("{:.0}° from north, {:.0}° high", angles.azimuth, angles.elevation);
                 ui.label(RichText::new(text).size(11.5).color(WEAK));
             }
             None => {
-                let where_to = match document.camera() {
-                    Some(_) => "Click on the map below or in the picture",
-                    None => "Click or drag on the map below",
+                let where_to = match has_camera {
+                    true => "Click on the map below or in the picture",
+                    false => "Click or drag on the map below",
                 };
                 ui.label(RichText::new(where_to).size(11.5).color(WEAK));
             }
         }
     });
-    if let Some(direction) = by_date(ui, document) {
-        put_sun(document, index, light, nearest_texel(light, direction));
+    if let Some(direction) = by_date(ui, &mut editor.moment) {
+        editor.put_sun(own, index, light, nearest_texel(light, direction));
     }
 }
 
@@ -50,7 +52,7 @@ pub(super) fn sun_settings(ui: &mut Ui, document: &mut Document, index: usize, l
 pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize) {
     section(ui, "SUN");
     let count = suns(document.session.basis()).len();
-    let angles = document.easel.moment.angles(document.session.basis().lights()[index].places[0]);
+    let angles = document.editor.moment.angles(document.session.basis().lights()[index].places[0]);
     let text = format!(
         "It stands {:.0}° from north, {:.0}° high, as it was rendered. {}",
         angles.azimuth,
@@ -64,7 +66,7 @@ pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize)
     if count < 2 {
         return;
     }
-    if let Some(direction) = by_date(ui, document) {
+    if let Some(direction) = by_date(ui, &mut document.editor.moment) {
         let mut mix = document.work.mix.clone();
         if let Some(sun) = choose_sun(document.session.basis(), &mut mix, direction) {
             document.work.replace(mix);
@@ -74,8 +76,7 @@ pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize)
 }
 
 /// Date, hour, place and north; the direction to the sun then, where it was asked for.
-fn by_date(ui: &mut Ui, document: &mut Document) -> Option<[f32; 3]> {
-    let moment = &mut document.easel.moment;
+fn by_date(ui: &mut Ui, moment: &mut Moment) -> Option<[f32; 3]> {
     let mut changed = false;
     ui.horizontal_wrapped(|ui| {
         let [year, month, day] = &mut moment.date;
@@ -116,7 +117,7 @@ fn by_date(ui: &mut Ui, document: &mut Document) -> Option<[f32; 3]> {
         ui.label(RichText::new(text).size(11.5).color(WEAK));
     });
     let angles = sun.ok().filter(|angles| asked && angles.elevation > 0.0)?;
-    Some(document.easel.moment.direction(angles))
+    Some(moment.direction(angles))
 }
 
 /// Hours of a text: `14:30` or `14.5`.

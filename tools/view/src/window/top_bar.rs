@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use eframe::egui::{self, Button, RichText, Ui};
 
+use super::actions::Action;
 use super::document::Document;
-use super::keys::{Action, keys_of};
+use super::keys::keys_of;
 use super::theme::{ACCENT, WEAK};
 use crate::recent::{Recent, RecentKind};
 

@@ -2,10 +2,11 @@
 
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
+use super::actions::{Action, act};
 use super::document::Document;
-use super::features_view::features;
-use super::keys::{Action, act};
-use super::light_meter::light_meter;
+use super::features_panel::features;
+use super::meter_panel::light_meter;
+use super::number_format::short;
 use super::snapshots_panel::snapshots;
 use super::theme::{WEAK, section};
 use crate::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
@@ -24,7 +25,7 @@ pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
     egui::ScrollArea::vertical().id_salt("view panel").auto_shrink([false, false]).show(ui, |ui| {
         display(ui, document);
         section(ui, "HISTOGRAM");
-        histogram(ui, document);
+        histogram(ui, &document.shown.histogram);
         section(ui, "PROBE");
         let size = vec2(ui.available_width(), PROBE);
         ui.allocate_ui_with_layout(size, egui::Layout::top_down(egui::Align::Min), |ui| {
@@ -164,18 +165,7 @@ fn scale(ui: &mut Ui, document: &Document) {
     }
 }
 
-/// A number in about three digits.
-pub(super) fn short(value: f32) -> String {
-    match value.abs() {
-        v if v == 0.0 || (0.001..1.0).contains(&v) => format!("{value:.3}"),
-        v if (1.0..10.0).contains(&v) => format!("{value:.2}"),
-        v if (10.0..100.0).contains(&v) => format!("{value:.1}"),
-        v if (100.0..100_000.0).contains(&v) => format!("{value:.0}"),
-        _ => format!("{value:.1e}"),
-    }
-}
-
-fn histogram(ui: &mut Ui, document: &Document) {
+fn histogram(ui: &mut Ui, histogram: &[[f32; 3]]) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 74.0), Sense::hover());
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 3.0, Color32::from_gray(17));
@@ -186,7 +176,7 @@ fn histogram(ui: &mut Ui, document: &Document) {
         painter.vline(x(stops as f32), rect.y_range(), (1.0, Color32::from_gray(shade)));
     }
     // The first bin holds all that is black: it would flatten the rest.
-    let inner = document.shown.histogram.get(1..).unwrap_or_default();
+    let inner = histogram.get(1..).unwrap_or_default();
     let peak = inner.iter().flatten().copied().fold(1e-6, f32::max);
     for (channel, shade) in CHANNEL_SHADES.into_iter().enumerate() {
         let points: Vec<_> = inner
@@ -199,7 +189,7 @@ fn histogram(ui: &mut Ui, document: &Document) {
             .collect();
         painter.add(egui::Shape::line(points, egui::Stroke::new(1.3, shade)));
     }
-    let clipped: f32 = document.shown.histogram.iter().enumerate().fold(0.0, |sum, (bin, share)| {
+    let clipped: f32 = histogram.iter().enumerate().fold(0.0, |sum, (bin, share)| {
         let stops = low + (high - low) * bin as f32 / BINS as f32;
         if stops >= 0.0 { sum + share.iter().copied().fold(0.0, f32::max) } else { sum }
     });
