@@ -17,7 +17,7 @@
 //! assert_eq!((shape.rows(), shape.columns(), shape.block_count()), (64 * 48 * 3, 8, 4));
 //! let rect = shape.rect(BlockId(3));
 //! assert_eq!((rect.x, rect.y, rect.width, rect.height), (32, 32, 32, 16));
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod block;

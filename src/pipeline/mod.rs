@@ -18,7 +18,7 @@
 //! let options = RelightOptions { memory_bytes: Some(1 << 30), ..RelightOptions::default() };
 //! let (images, done_by) = pipeline::relight(&container, &lightings, options, &Quiet)?;
 //! println!("{} images by {done_by}", images.len());
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod analysis;

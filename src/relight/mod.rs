@@ -23,7 +23,7 @@
 //! let relighter = CpuRelighter::load(&container)?;
 //! let image = relighter.relight(&ltm::Lighting::of_scene(&container.job().basis))?;
 //! assert_eq!(image.pixels.len(), 64);
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod adjoint;

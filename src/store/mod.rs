@@ -65,7 +65,7 @@
 //! }
 //! writer.finish()?;
 //! assert_eq!(StoreReader::open(&path)?.job().hash(), job.hash());
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod guard;
