@@ -29,7 +29,7 @@
 //! let evening = Lighting::of_scene(matrix.basis()).with("desk*", 0.0)?.with("sky", [0.2, 0.3, 0.5])?;
 //! let relit = matrix.relight(&evening)?;
 //! assert!((relit.pixels[0][2] - 0.125).abs() < 1e-3);
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 //!
 //! That is all that most programs need. The modules are what it is made of: [`pipeline`] has the jobs with progress, budgets and

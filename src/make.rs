@@ -1,4 +1,4 @@
-//! Making files, silently: [`pipeline`](crate::pipeline) has the same with progress, and more.
+//! Making files, silently: [`pipeline`] has the same with progress, and more.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ use crate::scene::{LoadOptions, LoadedScene};
 /// # let path = folder.path().join("room.ltc");
 /// let report = ltm::pack(&matrix, &path, &PackOptions::default())?;
 /// assert!(report.relative_l2 < 0.01);
-/// # ltm::Result::Ok(())
+/// # Ok::<(), ltm::Error>(())
 /// ```
 ///
 /// # Errors
@@ -50,7 +50,7 @@ pub fn load_scene(path: impl AsRef<Path>) -> Result<LoadedScene> {
 /// ltm::render(scene, &path, &ltm::PackOptions { denoise: true, ..Default::default() })?;
 /// let matrix = ltm::open(&path)?;
 /// assert_eq!((matrix.shape().width(), matrix.shape().height()), (16, 12));
-/// # ltm::Result::Ok(())
+/// # Ok::<(), ltm::Error>(())
 /// ```
 ///
 /// # Errors

@@ -20,7 +20,7 @@ const HASHED_PIXELS: usize = 1 << 16;
 /// let desk = LinearImage { width: 2, height: 1, pixels: vec![[0.5; 3], [0.1; 3]] };
 /// let matrix = MemoryMatrix::from_images([("desk", desk), ("ceiling", LinearImage::black(2, 1))])?;
 /// assert_eq!(matrix.basis().lights()[1].name, "ceiling");
-/// # ltm::Result::Ok(())
+/// # Ok::<(), ltm::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct MemoryMatrix<'a> {

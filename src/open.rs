@@ -70,7 +70,7 @@ pub struct Matrix {
 /// let evening = ltm::Lighting::of_scene(matrix.basis()).with("desk*", 0.0)?;
 /// let image = matrix.relight(&evening)?;
 /// println!("{} × {}: {:?} …", image.width, image.height, image.pixels[0]);
-/// # ltm::Result::Ok(())
+/// # Ok::<(), ltm::Error>(())
 /// ```
 ///
 /// # Errors

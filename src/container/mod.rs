@@ -21,7 +21,7 @@
 //!     let factors = container.read_block(id)?;
 //!     assert_eq!((factors.rank(), container.rank(id)), (0, 0), "all black");
 //! }
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 #[doc(hidden)]

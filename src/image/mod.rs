@@ -10,7 +10,7 @@
 //! let grey = LinearImage { width: 2, height: 1, pixels: vec![[0.5; 3]; 2] };
 //! write_exr(&path, &grey)?;
 //! assert_eq!(read_image(&path)?.pixels, grey.pixels);
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod exr_file;

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 /// }
 /// let evening = Lighting::of_scene(&basis).with("desk*", 0.0)?.with("ceiling", [1.0, 0.7, 0.4])?;
 /// assert_eq!(evening.weights(), [[0.0; 3], [0.0; 3], [1.0, 0.7, 0.4]]);
-/// # ltm::Result::Ok(())
+/// # Ok::<(), ltm::Error>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Lighting {

@@ -11,7 +11,7 @@
 //! basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 4, down: 2 }))?;
 //! assert_eq!(basis.find("panel").unwrap().columns(), 1..9);
 //! assert_eq!(Lighting::of_scene(&basis).weights().len(), 9);
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod basis;

@@ -41,7 +41,7 @@
 //! let matrix = ltm::open("room.ltc")?;
 //! let looks = ltm::look::load(Path::new("evening.toml"), matrix.basis())?;
 //! let night = matrix.relight(looks.named("night")?)?;
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod file;

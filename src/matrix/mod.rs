@@ -7,6 +7,16 @@
 //! rows are channel-planar: row `channel · pixels + y · width + x`, with `x, y` counted inside the block. So the rows
 //! of one colour channel are contiguous, as a product with an RGB lighting needs them. Its entries are column-major:
 //! each column's rows are contiguous.
+//!
+//! ```
+//! use ltm::matrix::{BlockId, ColumnIndex, MatrixShape};
+//!
+//! let shape = MatrixShape::new(64, 48, 8, 32)?;
+//! assert_eq!((shape.rows(), shape.columns(), shape.block_count()), (64 * 48 * 3, 8, 4));
+//! let rect = shape.rect(BlockId(3));
+//! assert_eq!((rect.x, rect.y, rect.width, rect.height), (32, 32, 32, 16));
+//! # Ok::<(), ltm::Error>(())
+//! ```
 
 mod block;
 mod factors;

@@ -2,6 +2,22 @@
 //!
 //! Each job is a function from paths and settings to a report. Progress goes to the [`Progress`](crate::resources::Progress) that
 //! the caller passes in.
+//!
+//! ```
+//! use ltm::resources::NoProgress;
+//! use ltm::pipeline::{self, RelightOptions};
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltc");
+//! # let matrix = ltm::MemoryMatrix::from_images([("desk", ltm::LinearImage::black(8, 8))])?;
+//! # ltm::pack(&matrix, &path, &ltm::PackOptions::default())?;
+//!
+//! let container = pipeline::open_container(&path)?;
+//! let lightings = [ltm::Lighting::of_scene(&container.job().basis)];
+//! let options = RelightOptions { memory_bytes: Some(1 << 30), ..RelightOptions::default() };
+//! let (images, done_by) = pipeline::relight(&container, &lightings, options, &NoProgress)?;
+//! println!("{} images by {done_by}", images.len());
+//! # Ok::<(), ltm::Error>(())
+//! ```
 
 mod column_scales;
 mod compare;

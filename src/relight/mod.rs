@@ -7,6 +7,22 @@
 //!
 //! Factors are always kept in the compact form of [`CompactBlock`], 8 or 16 bits for each value. If they exceed a
 //! budget they are streamed; [`Pager`] decides which stay.
+//!
+//! ```
+//! use ltm::container::ContainerReader;
+//! use ltm::relight::CpuRelighter;
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltc");
+//! # let matrix = ltm::MemoryMatrix::from_images([("desk", ltm::LinearImage::black(8, 8))])?;
+//! # ltm::pack(&matrix, &path, &ltm::PackOptions::default())?;
+//!
+//! // The factors are read once; each relighting after that is one product.
+//! let container = ContainerReader::open(&path)?;
+//! let relighter = CpuRelighter::load(&container)?;
+//! let image = relighter.relight(&ltm::Lighting::of_scene(&container.job().basis))?;
+//! assert_eq!(image.pixels.len(), 64);
+//! # Ok::<(), ltm::Error>(())
+//! ```
 
 mod adjoint;
 mod compact;

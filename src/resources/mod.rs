@@ -28,7 +28,7 @@
 //!
 //! use ltm::light::DescribedSource;
 //! ltm::pipeline::pack(&matrix, matrix.job(), &path, &ltm::PackOptions::default(), &Printer)?;
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod budget;

@@ -10,7 +10,7 @@
 //! let room = BuiltIn { width: 32, height: 24, texels: 4 }.named("diffuse")?;
 //! assert!(room.scene.basis.column_count() >= 16);
 //! // Of a file: `ltm::load_scene("room.toml")?`, or `ltm::scene::load_with` with options.
-//! # ltm::Result::Ok(())
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod assembly;
