@@ -44,52 +44,24 @@
 //!
 //! All access goes through [`Storage`], so that tests can inject a storage that fails, tears and counts.
 //!
-//! ```
-//!
-//! # How nothing is lost
-//!
-//! Every block has a slot of its own, whose place follows from the shape alone, so the file's bytes do not depend on
-//! the order in which blocks were committed: an interrupted and continued file ends byte-identical to one made in one
-//! go. A block is written into its slot, made durable (`fdatasync`), and only then its commit record is written. A
-//! record is 64 bytes inside one sector, with a checksum of its own: it is there or it is not. So a file that is being
-//! written may be read at any time, and shows exactly the committed blocks.
-//!
-//! A file grows under `NAME.ltm.part` and gets its name when it is finished.
-//!
-//! # How nothing is silently wrong
-//!
-//! Each step of reading has a type for what is not yet trusted: bytes of a header cannot be used as a header, nor bytes
-//! of a record as a record. Checksums cover the header page, the description, each record, the side data, and each
-//! stored column, so that a few columns can be read, and trusted, without the rest.
-//!
-//! # Written positioned, read through a memory map
-//!
-//! Writing is positioned (`pwrite`): that is faster than through a map (1.3 against 0.8 to 1.0 GB/s, 3 MiB tiles, `fsync`
-//! included), and a full disk is then an error, not the death of the process by SIGBUS; besides, space is reserved up
-//! front.
-//!
-//! Reading borrows from a map wherever a view will do: [`visit_columns`](crate::matrix::BlockSource::visit_columns) lends
-//! any column in f32 without a copy, others decoded one by one (raw relighting, slices), and
-//! [`visit_block`](crate::matrix::BlockSource::visit_block) a block that stores every column in f32 (what chooses rows and
-//! columns for the whole matrix). Packing takes what stands alone out of each block where it lies, so it reads blocks into
-//! memory of its own by `pread`, which is faster than copying from a map. Measured in one run on two busy cores, time of
-//! the map in that of positioned reading (`cargo bench --bench store`): raw relighting warm 0.52 to 0.58 in f32, 0.42 to 0.45
-//! in f16, 0.33 to 0.35 in bf16, cold 0.60 to 0.96; a whole block and one pass over it 0.73 warm and 1.02 cold in f32; other
-//! precisions copy, as before. Of a pack's time reading is a few hundredths.
-//!
-//! * Checksums are checked as columns are touched, those of a block that is lent as a whole once for each opening.
-//! * The system is told what will be read ([`Access`]): whole blocks, of which it reads ahead, or single columns.
-//! * Pages leave the process when what was lent is given back, so its resident memory is that of the blocks at hand. A file
-//!   larger than half the memory leaves the page cache, too, block by block as it is written and read, so that it does not
-//!   push out everything else and then itself.
-//! * A file that is cut or written to while a block of it is lent makes that an error; no signal ends the process (`guard`
-//!   says how). From then on that file is read positioned.
-//! * A file that is still growing, one on a network file system, and one that cannot be mapped are read positioned.
-//!
-//! All access goes through [`Storage`], so that tests can put a storage in between that fails, tears and counts.
-//!
 //! # Example
 //!
+//! ```
+//! use ltm::matrix::{Block, BlockSink, BlockSource, TracedBlock};
+//! use ltm::store::{StoreOptions, StoreReader, StoreWriter};
+//! # use ltm::light::DescribedSource;
+//! # let job = ltm::MemoryMatrix::from_images([("desk", ltm::LinearImage::black(40, 8))])?.job().clone();
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltm");
+//!
+//! let writer = StoreWriter::create(&path, &job, StoreOptions::default())?;
+//! for id in job.shape.blocks() {
+//!     let block = Block::zeros(job.shape.rect(id).rows(), job.shape.columns());
+//!     writer.write_block(id, &TracedBlock { block, ..Default::default() })?;
+//! }
+//! writer.finish()?;
+//! assert_eq!(StoreReader::open(&path)?.job().hash(), job.hash());
+//! # Ok::<(), ltm::Error>(())
 //! ```
 
 mod guard;
