@@ -1,7 +1,7 @@
 //! Shards: a range of blocks built by one machine of a farm, as one file that never changes.
 //!
 //! For each block of its range a shard has what the merge needs instead of the block: the inputs of the denoiser
-//! ([`gather`](super::gather)), or the analysed candidate ([`analysis`](super::analysis)). `docs/guide/farm.md` has the
+//! ([`denoise`](crate::denoise)), or the analysed candidate ([`pipeline`](crate::pipeline)). `docs/guide/farm.md` has the
 //! bytes. The name states the plan, the range and the content: `PLAN-FIRST-END-SHA256.shard`.
 
 use std::fs::File;

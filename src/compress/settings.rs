@@ -43,7 +43,7 @@ pub enum Scope {
     /// Each block on its own (the paper, §3.3).
     #[default]
     Block,
-    /// The whole matrix, by [`Compressor::choose_globally`](super::Compressor::choose_globally) (the paper, §3.2);
+    /// The whole matrix, by [`CompressorPlan::choose_globally`](super::CompressorPlan::choose_globally) (the paper, §3.2);
     /// Algorithms 1–4 only. Every block still stores its own right factor: `U R` rotated to the block's components.
     Global,
 }
@@ -57,7 +57,7 @@ pub const AUTOMATIC_DB: f64 = 45.0;
 /// What the result must reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// As near to the matrix as the noise of its samples makes useful, up to [`AUTOMATIC_MOST_DB`], so that the packed
+    /// As near to the matrix as the noise of its samples makes useful, up to [`AUTOMATIC_MAX_DB`], so that the packed
     /// matrix is no farther from the truth than the matrix. It stops where further bytes would save a 500th of the
     /// energy of the noise. If the noise is unknown or ignored, it is [`AUTOMATIC_DB`].
     Automatic,

@@ -35,7 +35,7 @@ pub(super) fn of_samples(features: &ImageRows, channel: usize, y: usize) -> impl
 ///
 /// For such pixels the albedo `a` becomes `a + α (m − a)`, where `m` is the mean of similar neighbours. The weight is
 /// `α = (v / d² − L) / (1 − L)`, clamped to 0 to 1. Here `v` is the variance of the albedo, `d²` the square of `a − m`
-/// (both averaged around the pixel), and `L` is [`LEAST_MIRRORED_NOISE`]. With `L = 0` this is the weight of least risk
+/// (both averaged around the pixel), and `L` is [`MIN_MIRRORED_NOISE`]. With `L = 0` this is the weight of least risk
 /// (Stein 1981). All other pixels keep their albedo.
 pub(super) fn of_filtered(
     features: &ImageRows,

@@ -250,7 +250,7 @@ impl DenoiseInputs {
         compressor.contrasts(&candidate, |entry| seen.contains(&(entry.column.0, entry.row % pixels))).to_bytes()
     }
 
-    /// See [`Gathered::tiles`].
+    /// See [`BlockInputs::tiles`].
     fn tiles_of(&self, entries: &[f32], rect: PixelRect, emission: &[SeenEmission]) -> Vec<f32> {
         if tile_values(self.shape, rect, self.clusters as u64) == 0 {
             return Vec::new();
@@ -274,7 +274,7 @@ fn contrast_settings() -> CompressSettings {
     CompressSettings { rank: CONTRAST_RANK, noise_factor: Some(CONTRAST_OVER_NOISE), ..Default::default() }
 }
 
-/// Values that a block has in [`Gathered::tiles`].
+/// Values that a block has in [`BlockInputs::tiles`].
 pub(crate) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) -> usize {
     if clusters == shape.columns() as u64 {
         return 0;

@@ -8,10 +8,10 @@
 //!    Blocks play no part in it. Alternatively the images come from a file that another program denoised.
 //! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` unchanged (Nyström's
 //!    approximation, with sums of columns as landmarks). `C` is the residual that tells the columns of a cluster apart,
-//!    as far as it is above its noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels,
+//!    as far as it is above its noise ([`ClusterResidual`](crate::compress::ClusterResidual)): sharp shadows of single texels,
 //!    small spots. In `R` each column starts from its cluster's image, scaled to its own share of the light. So a texel
 //!    brighter than its neighbours keeps its light, and no weight is negative. `R` is then fitted to the samples of
-//!    each column, by tiles over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
+//!    each column, by tiles over the whole image, as far as two halves of the tiles agree ([`ColumnUpsampler`]).
 //!
 //! Nothing depends on the lighting, so images of `T̂` add up as those of `T` do.
 
@@ -313,7 +313,7 @@ impl DenoisedSource {
         Ok(())
     }
 
-    /// The sums over all tiles from which [`MapFit`] follows.
+    /// The sums over all tiles from which [`ColumnUpsampler`] follows.
     fn sum_tiles(&self, watch: &dyn Progress) -> Result<ColumnUpsampler> {
         let columns = self.shape.columns();
         let mut fit = ColumnUpsampler::new(self.clusters, columns);

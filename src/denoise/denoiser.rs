@@ -31,7 +31,7 @@ pub struct DenoiserRows<'a> {
     pub feature_variance: &'a mut [f32],
 }
 
-/// The denoised rows of one step of [`Denoising`].
+/// The denoised rows of one step of [`Denoiser`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenoisedRows {
     /// Three channels for each cluster, direct and indirect light added up.
@@ -73,7 +73,7 @@ pub struct DenoisedRegion {
 /// Images of clusters that are being denoised, from the top of the image down: [`wants`](Self::wants) says which rows come next,
 /// [`strips`](Self::strips) takes them, [`denoise`](Self::denoise) gives what has been denoised.
 ///
-/// The result is valid in a region that is at least [`Reach::halo`] pixels away from the window's border, or ends where
+/// The result is valid in a region that is at least [`FilterRadii::halo`] pixels away from the window's border, or ends where
 /// the image ends. Elsewhere it is unspecified.
 pub struct Denoiser<'a> {
     region: Region,

@@ -93,7 +93,7 @@ fn sums(images: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     sums
 }
 
-/// The factor from `after` to `before`, limited by [`MOST_SCALE`].
+/// The factor from `after` to `before`, limited by [`MAX_SCALE`].
 fn scale(before: f32, after: f32) -> f32 {
     if before > 0.0 && after > 0.0 { (before / after).clamp(1.0 / MAX_SCALE, MAX_SCALE) } else { 1.0 }
 }

@@ -1,5 +1,5 @@
 //! One job on many machines. Ranges of blocks are built anywhere, in any order, any number of times. They are merged
-//! into the container that one machine makes of the job by [`render_packed`](super::render_packed).
+//! into the container that one machine makes of the job by [`render_packed`](crate::pipeline::render_packed).
 //!
 //! A range becomes a shard ([`crate::block_records`]) in a [`BlobStore`](crate::blob_store::BlobStore): complete or absent, never changed, and the same whoever
 //! builds it. The merge does what needs all blocks: it denoises the whole image, chooses the common slope, and cuts the

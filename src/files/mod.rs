@@ -12,7 +12,7 @@
 //!
 //! What is [`Ranged`] is read where it is wanted, wherever it lies.
 //!
-//! A [`Reach`] says which files a document of someone else may have opened.
+//! A [`FileAccess`] says which files a document of someone else may have opened.
 //!
 //! New files have the permissions that the umask leaves, and never more than the file that they replace.
 

@@ -30,7 +30,7 @@ pub struct ImageFacts {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Bytes of memory that [`read_image`] and [`read_rgba`] take at most, with what they return.
+    /// Bytes of memory that [`read_image`](super::read_image) and [`read_rgba`](super::read_rgba) take at most, with what they return.
     pub needs_bytes: u64,
     /// What is done to its values or chosen among them that could surprise, one line each, for people: "its EXPOSURE of 2 is
     /// divided out".

@@ -165,7 +165,7 @@ fn set_compact(block: &CompactBlock, planes: &[f32], sums: &mut [f32]) {
     }
 }
 
-/// Sets the sums to `R' (s L' x) + S' x`; compiled as [`Gather`].
+/// Sets the sums to `R' (s L' x) + S' x`; compiled as [`PixelGather`].
 struct SetCompact<'a> {
     block: &'a CompactBlock,
     planes: &'a [f32],
@@ -275,7 +275,7 @@ fn dot<Q: Quantum>(left: &[Q], right: &[f32]) -> f32 {
     total(sums)
 }
 
-/// A dot product of entries as they are stored; compiled as [`Gather`].
+/// A dot product of entries as they are stored; compiled as [`PixelGather`].
 struct Dot<'a> {
     left: &'a [f32],
     right: &'a [f32],

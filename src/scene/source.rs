@@ -63,7 +63,7 @@ pub(super) struct Geometry {
     pub(super) mesh: Mesh,
     /// Difference between each vertex's position and its f32 rounding.
     pub(super) residuals: Vec<Vec3>,
-    /// The materials that [`MaterialId`]s refer to.
+    /// The materials that [`MaterialId`](super::MaterialId)s refer to.
     pub(super) materials: Vec<SourceMaterial>,
     /// Object names.
     pub(super) objects: NameList,

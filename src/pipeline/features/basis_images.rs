@@ -19,7 +19,7 @@ use crate::store::{self, StoreReader};
 ///
 /// # Errors
 /// The matrix lacks blocks or knows nothing of its samples; a block is damaged; the memory is too small;
-/// [`Error::Interrupted`]; what writing refuses.
+/// [`Error::Interrupted`](crate::Error::Interrupted); what writing refuses.
 pub fn write_basis(
     matrix: &StoreReader,
     path: &Path,

@@ -538,7 +538,7 @@ pub(crate) fn plan_of(job: &Job, options: &PackOptions) -> Result<CompressorPlan
 /// The images denoised by another program that the options name.
 ///
 /// # Errors
-/// The matrix is not denoised at all; those of [`Basis::open`].
+/// The matrix is not denoised at all; those of [`ExternalImages::open`].
 fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<ExternalImages>> {
     let Some(path) = &options.basis else { return Ok(None) };
     if !options.denoise {

@@ -15,7 +15,7 @@ use crate::resources::Progress;
 use crate::scene::LoadedScene;
 
 /// Renders a scene straight into a container at `path`, without space for the matrix. The bytes are those of
-/// [`render`](super::render()) in f32 followed by [`pack`](super::pack()). Continues where an interrupted run stopped.
+/// [`render`](super::render()) in f32 followed by [`pack`](crate::pipeline::pack()). Continues where an interrupted run stopped.
 ///
 /// # Errors
 /// Those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::matrix::{BlockId, CHANNELS};
 use crate::relight::compact::{CompactBlock, Factor, FactorPart};
 
-/// Bits of [`Component::narrow`], as in `shaders/layout.wgsl`.
+/// Bits of [`GpuComponent::narrow`], as in `shaders/layout.wgsl`.
 const NARROW_RIGHT: u32 = 1;
 const NARROW_LEFT: u32 = 2;
 

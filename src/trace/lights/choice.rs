@@ -122,7 +122,7 @@ impl LightBounds {
     }
 }
 
-/// [`Bounds::weights`] of all groups.
+/// [`LightBounds::weights`] of all groups.
 #[inline(always)]
 fn weigh_lanes(bounds: &[LightBounds], position: Vec3, normal: Vec3, weights: &mut [f32; MAX_WEIGHED]) {
     for (bounds, weights) in bounds.iter().zip(weights.as_chunks_mut::<LANES>().0) {

@@ -83,7 +83,7 @@ pub(super) struct SeenLight {
     pub(super) column: u32,
     /// Radiance.
     pub(super) radiance: Vec3,
-    /// Solid-angle density with which [`Lights::sample`] would have chosen the direction.
+    /// Solid-angle density with which [`LightSampler::sample`] would have chosen the direction.
     pub(super) pdf: f32,
 }
 

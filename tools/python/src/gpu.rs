@@ -6,11 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use ltm::container::ContainerReader;
-use ltm::resources::budget_bytes;
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::matrix::{CHANNELS, FactorSource, PixelRect};
 use ltm::relight::{GpuAdapter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter};
+use ltm::resources::budget_bytes;
 use ltm::{Error, Result};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
