@@ -317,7 +317,7 @@ impl Native {
                     of_denoising.set_item("noise_before", errors.noise_before)?;
                     of_denoising.set_item("noise_after", errors.noise_after)?;
                     of_denoising.set_item("bias", errors.bias)?;
-                    known.set_item("cleaning_errors", of_cleaning)?;
+                    known.set_item("cleaning_errors", of_denoising)?;
                 }
                 if let Some(error) = container.errors().exposed {
                     let of_exposed = PyDict::new(py);
