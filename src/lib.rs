@@ -121,12 +121,14 @@ pub mod blob_store;
 mod block_records;
 pub mod compress;
 pub mod container;
+#[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "scenes have most numbers that are written out"))]
 mod decimal;
 #[doc(hidden)]
 pub mod denoise;
 mod encoding;
 pub mod error;
 #[doc(hidden)]
+#[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "only renders of scenes are asked for an error"))]
 pub mod error_estimate;
 #[cfg(feature = "scene")]
 #[doc(hidden)]

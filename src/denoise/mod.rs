@@ -42,6 +42,7 @@ mod upsample_columns;
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
 pub const DENOISER_VERSION: u32 = 18;
 
+#[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;
 pub(crate) use denoised_source::{DenoisedSource, windows_of};
 pub use denoiser::{DenoisedRegion, DenoisedRows, Denoiser, DenoiserRows};

@@ -6,7 +6,7 @@ use ltm::light::LightBasis;
 use ltm::light::Lighting;
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};
 
-/// Sums over blocks for [`Reach`].
+/// Sums over blocks for [`TexelReach`].
 pub(super) struct ReachSums {
     shape: MatrixShape,
     sums: Vec<[f64; CHANNELS]>,
