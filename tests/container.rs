@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
-use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::light::{
+    DenoiseErrors, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors,
+};
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
@@ -235,6 +237,22 @@ fn chunks_that_lie_are_errors_and_earn_no_memory() {
         assert!(decode_layer(&BlockLayout::of(&wide, BlockId(0)), &bad, None).is_err());
     }
 }
+
+/// Stated errors that differ in every number; column 66 is the last of [`job`]. The golden file with column scales has them.
+pub(crate) const STATED: StatedErrors = StatedErrors {
+    lights: Some(LightErrors {
+        prior: 0.5,
+        all_on: 0.25,
+        random: 0.125,
+        single_mean: 2.0,
+        single_worst: 3.0,
+        worst_column: 66,
+        noise_mean: 4.0,
+        noise_worst: 5.0,
+    }),
+    denoising: Some(DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 }),
+    exposed: Some(ExposedError { asked: 0.75, reached: 0.5 }),
+};
 
 /// For each of the ten zones of the panel, and for the three lamps.
 pub(crate) const BAND_STEPS: [i8; 13] = [8, 3, 1, 0, 0, 0, 0, 0, 0, 0, 0, 5, -2];

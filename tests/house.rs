@@ -67,9 +67,14 @@ struct Line<'a> {
 
 /// The code of a source file, all of it.
 fn code_lines(text: &str) -> Vec<Line<'_>> {
+    code_lines_with(text, |line| line.starts_with("#[cfg(test)]"))
+}
+
+/// The same, where other lines than `#[cfg(test)]` begin what is compiled for tests only.
+fn code_lines_with(text: &str, begins_test: impl Fn(&str) -> bool) -> Vec<Line<'_>> {
     let (mut is_test, mut lines) = (false, Vec::new());
     for (i, line) in text.lines().enumerate() {
-        is_test |= line.starts_with("#[cfg(test)]");
+        is_test |= begins_test(line);
         lines.push(Line { number: i + 1, code: line.split("//").next().unwrap(), is_test });
         // The end of a test module, or the declaration of one in a file of its own.
         let is_attribute = line.starts_with("#[");

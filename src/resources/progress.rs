@@ -38,11 +38,11 @@ impl Progress for NoProgress {
     }
 }
 
-/// The making of blocks, for people.
+/// A stage of a job, as [`Progress`] shows it.
 #[derive(Clone, Copy)]
 pub(crate) struct JobStage<'a> {
-    /// What is done.
+    /// Name of the stage.
     pub(crate) name: &'a str,
-    /// What work is counted in.
+    /// Unit in which its work is counted ("rays").
     pub(crate) work_unit: &'a str,
 }

@@ -242,8 +242,8 @@ impl Paths<'_> {
             } else if layer == LightPath::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                if let Some(aside) = here.onward(&at, &way, chance, self.max_depth) {
-                    self.trace_delta_branch(aside, &mut forks, sampler, record);
+                if let Some(branch) = here.onward(&at, &way, chance, self.max_depth) {
+                    self.trace_delta_branch(branch, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
             }
@@ -362,24 +362,24 @@ impl Paths<'_> {
     /// followed, at no more than `forks` further boundaries.
     fn trace_delta_branch(
         &self,
-        mut aside: DeltaBranch,
+        mut branch: DeltaBranch,
         forks: &mut u32,
         sampler: &Sampler,
         record: &mut PathRecord<'_, '_>,
     ) {
-        while aside.passes < MAX_PASSES {
-            let (ray, throughput) = (aside.ray, aside.throughput * aside.share);
+        while branch.passes < MAX_PASSES {
+            let (ray, throughput) = (branch.ray, branch.throughput * branch.share);
             let last = Last::only(ray.0, ray.1);
             let Some(at) = self.arrive(ray, &last, LightPath::Emission, throughput, record) else { return };
-            let at_end = aside.vertex + 1 >= self.max_depth;
-            let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + aside.vertex + aside.passes);
+            let at_end = branch.vertex + 1 >= self.max_depth;
+            let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + branch.vertex + branch.passes);
             if at.opacity < 1.0 {
                 if at.shows_no_emitter() {
-                    aside = aside.through(&at);
+                    branch = branch.through(&at);
                     continue;
                 }
                 if choice.x >= at.opacity {
-                    aside = aside.past(&at);
+                    branch = branch.past(&at);
                     continue;
                 }
                 choice.x /= at.opacity;
@@ -391,24 +391,24 @@ impl Paths<'_> {
             let mut kept = 1.0;
             if *forks > 0
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
-                && chance.min(1.0 - chance) * aside.share > MIN_BRANCH_SHARE
+                && chance.min(1.0 - chance) * branch.share > MIN_BRANCH_SHARE
             {
                 *forks -= 1;
-                if let Some(other) = aside.onward(&at, &way, chance, self.max_depth) {
+                if let Some(other) = branch.onward(&at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(other, forks, sampler, record);
                 }
                 kept = 1.0 - chance;
             }
-            match aside.onward(&at, &next, kept, self.max_depth) {
-                Some(onward) => aside = onward,
+            match branch.onward(&at, &next, kept, self.max_depth) {
+                Some(onward) => branch = onward,
                 None => return,
             }
-            if !next.pass_through && aside.vertex >= CERTAIN_VERTICES {
-                let survival = survival(aside.throughput, aside.eta_scale);
+            if !next.pass_through && branch.vertex >= CERTAIN_VERTICES {
+                let survival = survival(branch.throughput, branch.eta_scale);
                 if choice.y >= survival {
                     return;
                 }
-                aside.throughput /= survival;
+                branch.throughput /= survival;
             }
         }
     }

@@ -4,12 +4,10 @@ use std::path::Path;
 
 use ltm::container::codec::{CodecSettings, LayerPart, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter};
-use ltm::light::{
-    DenoiseErrors, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors,
-};
+use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance, StatedErrors};
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, MatrixShape, SparseEntry};
 
-use super::{block, formats, job, light, small_job};
+use super::{STATED, block, formats, job, light, small_job};
 
 /// The rows of a table of `formats/ltc.md` under `### heading`, without its first.
 fn document_rows(heading: &str) -> Vec<Vec<String>> {
@@ -114,23 +112,6 @@ fn documented_job(panel: &Light) -> Vec<u8> {
     )
 }
 
-/// Errors that differ in every number; column 66 is the last of [`job`].
-fn stated() -> StatedErrors {
-    let lights = LightErrors {
-        prior: 0.5,
-        all_on: 0.25,
-        random: 0.125,
-        single_mean: 2.0,
-        single_worst: 3.0,
-        worst_column: 66,
-        noise_mean: 4.0,
-        noise_worst: 5.0,
-    };
-    let denoising = DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
-    let exposed = ExposedError { asked: 0.75, reached: 0.5 };
-    StatedErrors { lights: Some(lights), denoising: Some(denoising), exposed: Some(exposed) }
-}
-
 #[test]
 fn the_metadata_is_written_as_the_document_says() {
     let mut basis = LightBasis::new();
@@ -162,7 +143,7 @@ fn the_metadata_is_written_as_the_document_says() {
     let path = folder.path().join("a.ltc");
     let options = ContainerOptions { report, partial: true, ..Default::default() };
     let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
-    let stated = stated();
+    let stated = STATED;
     writer.state_errors(stated);
     writer.finish().unwrap();
     assert_eq!(*ContainerReader::open(&path).unwrap().errors(), stated);
@@ -230,7 +211,7 @@ fn the_metadata_is_written_as_the_document_says() {
 fn each_error_is_kept_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
-    let StatedErrors { lights, denoising, exposed } = stated();
+    let StatedErrors { lights, denoising, exposed } = STATED;
     for known in 0..8 {
         let stated = StatedErrors {
             lights: lights.filter(|_| known & 1 > 0),

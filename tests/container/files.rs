@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter, verify};
-use ltm::light::{DenoiseErrors, ExposedError, Job, LightErrors, StatedErrors};
+use ltm::light::{Job, StatedErrors};
 use ltm::matrix::{FactorSource, FactoredBlock};
 
-use super::{BAND_STEPS, block, formats, job, pack_finer, report, small_file};
+use super::{BAND_STEPS, STATED, block, formats, job, pack_finer, report, small_file};
 
 /// The golden files: version, coding of their base layers, and of their refinements.
 const GOLDEN: [(&str, u32, u8, u8); 7] = [
@@ -26,22 +26,6 @@ fn scaled_job() -> Job {
     job.basis.set_scene_weights(0, (0..64).map(|i| [i as f32, 1.0, 0.5]).collect()).unwrap();
     job
 }
-
-/// What the golden file with column scales says of errors.
-const STATED: StatedErrors = StatedErrors {
-    lights: Some(LightErrors {
-        prior: 0.5,
-        all_on: 0.25,
-        random: 0.125,
-        single_mean: 2.0,
-        single_worst: 3.0,
-        worst_column: 66,
-        noise_mean: 4.0,
-        noise_worst: 5.0,
-    }),
-    denoising: Some(DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 }),
-    exposed: Some(ExposedError { asked: 0.75, reached: 0.5 }),
-};
 
 /// The job of a golden file, and what it says of errors.
 fn said_of(name: &str) -> (Job, StatedErrors) {

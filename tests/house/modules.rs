@@ -5,7 +5,7 @@ use std::fs;
 
 use regex_lite::Regex;
 
-use super::{files_below, root};
+use super::{code_lines_with, files_below, root};
 
 type Path = Vec<String>;
 
@@ -36,19 +36,10 @@ fn paths_of_use(tree: &str) -> Vec<String> {
     paths
 }
 
-/// The code of a file without comments and without its modules of tests.
+/// The code of a file without comments and without its modules of tests, those that want a feature as well among them.
 fn code_of(text: &str) -> String {
-    let (mut code, mut is_test) = (String::new(), false);
-    for line in text.lines() {
-        is_test |= line.starts_with("#[cfg(test)]") || line.starts_with("#[cfg(all(test");
-        if !is_test {
-            code += line.split("//").next().unwrap();
-            code.push('\n');
-        }
-        let ends_declaration = !line.starts_with("#[") && !line.starts_with(' ') && line.ends_with(';');
-        is_test &= line != "}" && !ends_declaration;
-    }
-    code
+    let lines = code_lines_with(text, |line| line.starts_with("#[cfg(test)]") || line.starts_with("#[cfg(all(test"));
+    lines.iter().filter(|line| !line.is_test).map(|line| format!("{}\n", line.code)).collect()
 }
 
 /// The modules of a crate by their paths; its root has none.

@@ -9,9 +9,9 @@ use super::super::lines::unquoted;
 pub(in super::super) struct MtlMap {
     /// File name as written, without quotation marks.
     pub(in super::super) file: String,
-    /// Texture coordinates are multiplied by this (`-s`)…
+    /// Factor of the texture coordinates (`-s`).
     pub(in super::super) scale: Vec2,
-    /// …and moved by this (`-o`).
+    /// Offset of the texture coordinates, added after the factor (`-o`).
     pub(in super::super) offset: Vec2,
     /// Whether it is stated to end at its edges, which is not done here.
     pub(in super::super) is_clamped: bool,
