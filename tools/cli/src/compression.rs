@@ -16,7 +16,7 @@ pub struct Compression {
     #[arg(long, default_value = "auto")]
     method: Method,
     /// What to reach over the image: 45dB (PSNR of exposed images, whatever lamps are in view), 0.01 (relative L2) or 2MiB
-    /// (bytes of the file). The noise of the samples may stop it earlier [default: 60dB for denoised images, under each light
+    /// (bytes of the file). The noise of the samples may stop it earlier [default: 62dB for denoised images, under each light
     /// alone as well, with steps as the eye resolves them; for others as far as that noise, 50dB at most; 45dB where it is not known].
     #[arg(long, value_parser = parse_target)]
     target: Option<Target>,
