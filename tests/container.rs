@@ -213,7 +213,8 @@ fn chunks_that_lie_are_errors_and_earn_no_memory() {
     let layout = BlockLayout::of(&small_job(), BlockId(0));
     let even = block(&small_job(), BlockId(0));
     let finer = FactoredBlock { right_band_steps: BAND_STEPS.into(), ..even.clone() };
-    for factors in [even, finer] {
+    let by_eye = FactoredBlock { by_eye: true, ..even.clone() };
+    for factors in [even, finer, by_eye] {
         let bytes = encode_layer(&layout, &factors, LayerPart::default(), &CodecSettings::default()).unwrap();
         for length in 0..bytes.len() {
             assert!(decode_layer(&layout, &bytes[..length], None).is_err(), "cut at {length}");

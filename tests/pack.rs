@@ -3,6 +3,8 @@
 
 #[path = "pack/divided.rs"]
 mod divided;
+#[path = "pack/targets.rs"]
+mod targets;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-// From a chunk to factors: the reading half of src/container/codec, of codings 3 and 4.
+// From a chunk to factors: the reading half of src/container/codec, of codings 3, 4 and 5.
 
 import { BitDecoder, CLASSES, NUMBER_CONTEXTS, RansDecoder, SIGNED_CONTEXTS } from './coder.js';
 
@@ -21,8 +21,16 @@ const MAX_TILE = 32;
 const STEP_LIMIT = 600;
 const EIGHTHS = [1, 1.0905077, 1.1892071, 1.2968396, Math.SQRT2, 1.5422108, 1.6817929, 1.834008].map(Math.fround);
 
-/** The coding where bands of right sides have steps of their own. */
+/** The coding where bands of right sides have steps of their own, and that where zones of left sides have the steps below. */
 const CODING_BANDS = 4;
+const CODING_ZONES = 5;
+/** How much finer each zone of a left side is stored, by its tile: src/container/codec/planes.rs. */
+const ZONE_STEPS = [
+  [6, 3, 2, 1, 1, 0, -1, -2, -4, -5],
+  [3, 2, 1, 0, -1, -3, -4, -5, -6, -6],
+  [2, 1, 0, -2, -4, -6, -6, -6, -6, -6],
+  [0, -1, -3, -5, -6, -6, -6, -6, -6, -6],
+].map((steps) => Int8Array.from(steps));
 const NO_FINENESS = new Int8Array(0);
 
 /** Where each group of contexts of the side stream begins. */
@@ -228,13 +236,14 @@ function readStart(bytes) {
     }
     throw new Error('the chunk has a number that is too large');
   };
-  if (bytes[0] !== 3 && bytes[0] !== CODING_BANDS) throw new Error(`the chunk is coded in an unknown way (${bytes[0]})`);
+  if (bytes[0] < 3 || bytes[0] > CODING_ZONES) throw new Error(`the chunk is coded in an unknown way (${bytes[0]})`);
   const [shared, rank, sparse, side, low] = [number(), number(), number(), number(), number()];
   const lowBegin = at + Math.floor(side / 2);
   if (lowBegin + low > bytes.length) throw new Error('the chunk is cut short');
   return {
     shared, rank, sparse,
-    hasBands: bytes[0] === CODING_BANDS,
+    hasBands: bytes[0] >= CODING_BANDS,
+    hasZones: bytes[0] === CODING_ZONES,
     states: side % 2 === 0 ? 1 : 8,
     side: bytes.subarray(at, lowBegin),
     low: bytes.subarray(lowBegin, lowBegin + low),
@@ -325,7 +334,8 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
       const shape = { width, height, tile: TILES[head.tile] };
       for (let channel = 0; channel < 3; channel++) {
         const first = place * rows + channel * pixels;
-        readImage(decoder, readClasses(Math.min(channel, 1)), shape, head.left, NO_FINENESS, left, first);
+        const zones = chunk.hasZones ? ZONE_STEPS[head.tile] : NO_FINENESS;
+        readImage(decoder, readClasses(Math.min(channel, 1)), shape, head.left, zones, left, first);
       }
       turnBack(left, place * rows, pixels, head.rotation);
       let [first, band] = [place * columns, 0];

@@ -28,9 +28,12 @@ const LEFT_NOISE_SHARE: (f64, f64) = (0.3, 2.5);
 const NOISE_OF_MOST: f64 = 30.0;
 /// Quantiser error allowed in `R`, as a multiple of its noise variance. Tuned: decision 43.
 const RIGHT_NOISE_SHARE: f64 = 0.5;
-/// [`Target::Automatic`], and any PSNR that noise or rank prevent, stop where further bytes would save less than this
-/// part of the energy of the samples' noise. Tuned: decision 31.
+/// Any error that is asked for ends where further bytes would save less than this part of the energy of the samples'
+/// noise. Tuned: decision 31.
 const SAVED_OVER_NOISE: f64 = 0.002;
+/// The same for what is lost at any slope beside noise, since the rank of the candidates does not reach it: a tenth is
+/// 0.4 dB.
+const SAVED_OVER_LOST: f64 = 0.1;
 /// Least step relative to an entry's root mean square: the precision of 16-bit floats.
 const FINEST_STEP: f64 = 1.0 / 2048.0;
 
@@ -49,6 +52,8 @@ pub struct Cut {
     pub exposure_exponent: f64,
     /// See [`CompressSettings::noise_factor`].
     pub noise_factor: Option<f64>,
+    /// See [`CompressSettings::by_eye`].
+    pub by_eye: bool,
     /// Expected error of images under the prior, relative to their norm.
     pub expected_relative_l2: f64,
     /// Expected PSNR in dB with the peak at white; see [`Target::PsnrDb`].
@@ -252,24 +257,23 @@ pub(super) fn choose<'a>(
         white: white_of(summaries.clone()),
         exposure_exponent: settings.exposure_exponent,
         noise_factor: settings.noise_factor,
+        by_eye: settings.by_eye,
         expected_relative_l2: 0.0,
         expected_psnr_db: f64::INFINITY,
         expected_bytes: 0,
         reaches_target: true,
     };
     let whole = Whole::new(summaries.clone(), &cut, white_square);
-    // Error that no slope removes, and the part of it that the noise makes not worth removing.
-    let mut worthless = 0.0;
-    if let Target::PsnrDb(db) = target {
-        cut.slope = whole.energy * MIN_SLOPE;
-        let least = whole.spent(&cut).shown;
-        if settings.target == Target::Automatic || least > whole.shown_at(db) {
-            worthless = least + SAVED_OVER_NOISE * whole.noise;
-        }
-    }
+    // Error below which bytes buy next to nothing: what no slope removes, and a small part of that.
+    cut.slope = whole.energy * MIN_SLOPE;
+    let least = whole.spent(&cut);
+    let worthless =
+        |least: f64| least + SAVED_OVER_LOST * (least - whole.noise).max(0.0) + SAVED_OVER_NOISE * whole.noise;
     let fits = |spent: Spent| match target {
-        Target::PsnrDb(db) => spent.shown <= whole.shown_at(db).max(worthless),
-        Target::RelativeL2(error) => spent.distortion <= error * error * whole.energy,
+        Target::PsnrDb(db) => spent.shown <= whole.shown_at(db).max(worthless(least.shown)),
+        Target::RelativeL2(error) => {
+            spent.distortion <= (error * error * whole.energy).max(worthless(least.distortion))
+        }
         Target::Bytes(bytes) => spent.bits / 8.0 > bytes as f64,
         Target::Slope(_) | Target::Automatic => true,
     };
@@ -296,7 +300,7 @@ pub(super) fn choose<'a>(
     cut.reaches_target = match target {
         _ if whole.energy <= 0.0 || summaries.clone().all(|s| s.fixed) => true,
         Target::PsnrDb(db) => spent.shown <= whole.shown_at(db),
-        Target::RelativeL2(_) => fits(spent),
+        Target::RelativeL2(error) => spent.distortion <= error * error * whole.energy,
         // Bytes are a limit, and a slope is given.
         Target::Bytes(_) | Target::Slope(_) | Target::Automatic => true,
     };
@@ -309,7 +313,7 @@ impl Candidate {
         let s = &self.summary;
         let (m, n) = (s.rows as usize, s.columns as usize);
         let kept: Vec<usize> = (0..self.rank()).filter(|&k| cut.keeps(s, k).is_some()).collect();
-        let mut block = FactoredBlock { rows: m, columns: n, ..Default::default() };
+        let mut block = FactoredBlock { rows: m, columns: n, by_eye: cut.by_eye, ..Default::default() };
         for &k in &kept {
             block.left.extend(&self.left[k * m..][..m]);
             block.right.extend(&self.right[k * n..][..n]);

@@ -24,6 +24,7 @@ impl CompressSettings {
             core,
             truncation,
             sparse,
+            by_eye,
             exposure_exponent,
             noise_factor,
             seed,
@@ -36,7 +37,7 @@ impl CompressSettings {
             "method={} target={} prior={} rank={rank} ranks={} oversampling={oversampling} power={power_iterations} \
              columns_per_round={columns_per_round} rows_per_column={rows_per_column} rounds={rounds} kmeans={kmeans_iterations} \
              scope={} sample_rows={sample_rows} core={} truncation={truncation} sparse={sparse} exposure={exposure_exponent} \
-             noise={noise_factor} seed={seed}",
+             noise={noise_factor} seed={seed}{}",
             method.name(),
             of_target(*target),
             prior.identity(),
@@ -53,6 +54,7 @@ impl CompressSettings {
                 Core::LeastSquares => "least-squares",
                 Core::Projection => "projection",
             },
+            if *by_eye { " by_eye" } else { "" },
         )
     }
 }

@@ -116,5 +116,6 @@ fn base_of(block: &FactoredBlock) -> FactoredBlock {
         right_step: vec![block.right_step[0] * right],
         sparse: block.sparse.clone(),
         right_band_steps: block.right_band_steps.clone(),
+        by_eye: block.by_eye,
     }
 }

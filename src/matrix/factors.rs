@@ -37,6 +37,8 @@ pub struct FactoredBlock {
     /// How much finer than `right_step` each band of a right side is stored, in half octaves, as
     /// [`band_steps`](crate::container::codec::band_steps) weighs them; empty: all bands alike.
     pub right_band_steps: Arc<[i8]>,
+    /// Whether left sides are stored as finely as the eye resolves their frequencies, and not all of them alike.
+    pub by_eye: bool,
     /// `S`, sorted by column, then row, without duplicates.
     pub sparse: Vec<SparseEntry>,
 }

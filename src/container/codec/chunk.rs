@@ -6,10 +6,12 @@ use std::ops::Range;
 pub(super) const CODING_SHARED: u8 = 1;
 /// As [`CODING_SHARED`], but the right sides of shared components are stored, as differences from the base layer's.
 pub(super) const CODING_REFINED: u8 = 2;
-/// As [`CODING_REFINED`], with a compact start, tiles for each component, and low bits apart. Writers use this and the next.
+/// As [`CODING_REFINED`], with a compact start, tiles for each component, and low bits apart. Writers use this and the following.
 pub(super) const CODING_APART: u8 = 3;
 /// As [`CODING_APART`], where bands of the right sides have steps of their own.
 pub(super) const CODING_BANDS: u8 = 4;
+/// As [`CODING_BANDS`], where the zones of left sides have the steps of [`zone_steps`](super::planes::zone_steps).
+pub(super) const CODING_ZONES: u8 = 5;
 
 /// Bytes before the streams with the first two codings: coding, shared, rank, sparse entries, bytes of the side stream.
 const LONG_BYTES: usize = 12;
@@ -48,7 +50,7 @@ impl Chunk {
                 chunk.states = 4;
                 (LONG_BYTES, number(8), 0)
             }
-            CODING_APART | CODING_BANDS => {
+            CODING_APART | CODING_BANDS | CODING_ZONES => {
                 let mut rest = &bytes[1..];
                 let mut number = || read_number(&mut rest).ok_or_else(cut_short);
                 chunk.shared = number()?;
@@ -77,7 +79,7 @@ impl Chunk {
             return Err(format!("the chunk shares {} components that are not there", self.shared));
         }
         let enough = match self.coding {
-            CODING_APART | CODING_BANDS => self.rank * MIN_COMPONENT_BYTES <= self.values.end,
+            CODING_APART | CODING_BANDS | CODING_ZONES => self.rank * MIN_COMPONENT_BYTES <= self.values.end,
             _ => self.rank * LONG_COMPONENT_BYTES <= self.side.len(),
         };
         if self.rank > rows.min(columns) + self.shared || !enough || self.sparse_entries > rows * columns {
@@ -150,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_start_is_read_as_it_was_written() {
-        for coding in [CODING_APART, CODING_BANDS] {
+        for coding in [CODING_APART, CODING_BANDS, CODING_ZONES] {
             let bytes = Chunk::write(coding, [2, 300, 70_000], &[1; 200], &[2; 5], &[3; 40], true);
             let chunk = Chunk::parse(&bytes).unwrap();
             assert_eq!((chunk.coding, chunk.shared, chunk.rank, chunk.sparse_entries), (coding, 2, 300, 70_000));

@@ -1,7 +1,7 @@
 //! One component of a block as it is to be coded: rotation, tiles and quantised images.
 
 use super::classes::MAX_MAGNITUDE;
-use super::planes::{PlanePlan, PlaneShape, estimate, plan};
+use super::planes::{FINEST_ZONE, PlanePlan, PlaneShape, TILES, estimate, plan, zone_steps};
 use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
 use super::settings::CodecSettings;
 use super::side::{ComponentHead, PlaneKind};
@@ -10,10 +10,8 @@ use super::transform::MAX_TILE;
 use crate::container::layout::{BlockLayout, LightLayout};
 use crate::matrix::{CHANNELS, FactoredBlock};
 
-/// Sides of tiles that a block's pixels may be cut into, by stored index.
-pub(super) const TILES: [usize; 4] = [32, 16, 8, 4];
-/// Tiles with which the cost of rotations is compared.
-const USUAL_TILE: usize = 16;
+/// Stored index of the tiles with which the cost of rotations is compared: of 16.
+const USUAL_TILE: usize = 1;
 
 /// A quantised component.
 pub(super) struct QuantisedComponent {
@@ -32,12 +30,14 @@ impl QuantisedComponent {
         settings: &CodecSettings,
     ) -> Self {
         let (left, right) = (block.left_component(k), block.right_component(k));
-        let left_step = index_of(allowed_step(&block.left_step, k, left));
-        let right_step = allowed_step(&block.right_step, k, right).max(least_right_step(layout, block, right));
+        let finest = if block.by_eye { FINEST_ZONE } else { 1.0 };
+        let left_step = index_of(allowed_step(&block.left_step, k, left, finest));
+        let right_step = allowed_step(&block.right_step, k, right, 1.0).max(least_right_step(layout, block, right));
         let right_step = index_of(right_step);
         let shape = |tile: usize| PlaneShape { width: layout.width, height: layout.height, tile };
         let lambda = settings.lambda;
-        let cost = |plane: &[f32], tile: usize| estimate(plane, shape(tile), left_step, lambda);
+        let steps = |tile: usize| Steps { index: left_step, band_steps: zone_steps(tile, block.by_eye) };
+        let cost = |plane: &[f32], tile: usize| estimate(plane, shape(TILES[tile]), steps(tile), lambda);
         let turned = |rotation: Rotation| {
             let mut planes = left.to_vec();
             rotate(&mut planes, rotation.matrix());
@@ -56,10 +56,10 @@ impl QuantisedComponent {
         }
         // The strongest colour axis has most of the bits.
         let strong = &planes[..layout.pixels()];
-        let costs = TILES.map(|tile| cost(strong, tile));
+        let costs: [f32; TILES.len()] = std::array::from_fn(|tile| cost(strong, tile));
         let tile = (0..TILES.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).expect("there are tiles");
         let image = |c: usize| &planes[c * layout.pixels()..][..layout.pixels()];
-        let left = std::array::from_fn(|c| plan(image(c), shape(TILES[tile]), Steps::even(left_step), lambda));
+        let left = std::array::from_fn(|c| plan(image(c), shape(TILES[tile]), steps(tile), lambda));
         let mut rest = right;
         let right_plans = right_images(&layout.lights, &block.right_band_steps).map(|(shape, band_steps)| {
             let plane;
@@ -83,11 +83,11 @@ pub(super) fn turn_back(left: &mut [f32], rotation: u32) {
     rotate(left, transposed(Rotation(rotation).matrix()));
 }
 
-/// The step that a component asks for; where none is given, what a 16-bit float would keep of its largest value.
-fn allowed_step(steps: &[f32], k: usize, values: &[f32]) -> f32 {
+/// The step that a component asks for, whose finest band has it divided by `finest`; where none is given, what a 16-bit float would keep of its largest value.
+fn allowed_step(steps: &[f32], k: usize, values: &[f32], finest: f32) -> f32 {
     let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
     // Coefficients are at most √1024 times larger than values; they must stay inside what is stored.
-    let least = largest * 1e-5;
+    let least = finest * largest * 1e-5;
     steps.get(k).map_or(largest / 2048.0, |&step| step).max(least)
 }
 

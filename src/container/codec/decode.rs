@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::adaptive::{BitCoder, BitDecoder};
-use super::chunk::{CODING_APART, CODING_BANDS, Chunk};
-use super::component::{TILES, right_bands, right_images, turn_back};
+use super::chunk::{CODING_BANDS, CODING_REFINED, CODING_SHARED, CODING_ZONES, Chunk};
+use super::component::{right_bands, right_images, turn_back};
 use super::low_bits::LowBits;
-use super::planes::{PlaneShape, Scratch, read};
+use super::planes::{PlaneShape, Scratch, TILES, read, zone_steps};
 use super::rans::RansDecoder;
 use super::rotation::ROTATION_BITS;
 use super::side::{ClassContexts, ComponentHead, Heads, PlaneKind, TILE_BITS, code_band_steps, code_step};
@@ -78,7 +78,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
     let (rows, columns, pixels) = (layout.rows(), layout.columns(), layout.pixels());
     let chunk = Chunk::parse(bytes)?;
     chunk.check(rows, columns, base.map_or(0, FactoredBlock::rank))?;
-    let is_apart = matches!(chunk.coding, CODING_APART | CODING_BANDS);
+    let is_apart = !matches!(chunk.coding, CODING_SHARED | CODING_REFINED);
     let mut side = BitDecoder::new(&bytes[chunk.side.clone()]);
     // With the first codings all components have the same tiles, said once.
     let one_tile = if is_apart { 0 } else { side.bits(0, TILE_BITS) };
@@ -96,7 +96,8 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
         ..Default::default()
     };
     let (mut heads, mut contexts) = (Heads::default(), ClassContexts::default());
-    if chunk.coding == CODING_BANDS {
+    block.by_eye = chunk.coding == CODING_ZONES;
+    if matches!(chunk.coding, CODING_BANDS | CODING_ZONES) {
         block.right_band_steps = match base.filter(|_| chunk.shared > 0) {
             Some(base) => Arc::clone(&base.right_band_steps),
             None => {
@@ -135,7 +136,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
                     decoder,
                     &classes,
                     shape,
-                    Steps::even(head.left_step),
+                    Steps { index: head.left_step, band_steps: zone_steps(head.tile as usize, block.by_eye) },
                     &mut scratch,
                     &mut left[channel * pixels..][..pixels],
                 );

@@ -1,7 +1,7 @@
 //! A layer: some components of a block and some of its sparse entries, as one chunk of bytes.
 
 use super::adaptive::BitEncoder;
-use super::chunk::{CODING_APART, CODING_BANDS, Chunk, MIN_COMPONENT_BYTES};
+use super::chunk::{CODING_APART, CODING_BANDS, CODING_ZONES, Chunk, MIN_COMPONENT_BYTES};
 use super::component::{QuantisedComponent, right_bands};
 use super::planes::push;
 use super::rans::RansEncoder;
@@ -48,10 +48,16 @@ pub fn encode_layer(
     let mut side = BitEncoder::new();
     let mut values = RansEncoder::default();
     let (mut heads, mut contexts) = (Heads::default(), ClassContexts::default());
-    let is_even = rank == 0 || block.right_band_steps.is_empty();
-    let coding = if is_even { CODING_APART } else { CODING_BANDS };
-    if !is_even && part.shared == 0 {
-        code_band_steps(&mut side, &mut block.right_band_steps.to_vec());
+    let coding = match block.right_band_steps.is_empty() {
+        _ if rank == 0 => CODING_APART,
+        _ if block.by_eye => CODING_ZONES,
+        false => CODING_BANDS,
+        true => CODING_APART,
+    };
+    if coding != CODING_APART && part.shared == 0 {
+        let mut band_steps = block.right_band_steps.to_vec();
+        band_steps.resize(bands, 0);
+        code_band_steps(&mut side, &mut band_steps);
     }
     let mut before = None;
     for k in 0..rank {

@@ -2,7 +2,7 @@
 
 use super::classes::{CLASSES, ESCAPE, LARGEST, MAX_MAGNITUDE, MIN_SCALE, SYMBOLS, coding_of, escape_bits, symbol_of};
 use super::rans::{RansDecoder, RansEncoder};
-use super::step::{Steps, step_of};
+use super::step::Steps;
 use super::transform::{MAX_TILE, Scan, ZONES, forward, inverse};
 
 /// Tiling and transform of an image.
@@ -86,16 +86,41 @@ impl pulp::NullaryFnOnce for Planning<'_> {
     }
 }
 
+/// Sides of tiles that a block's pixels may be cut into, by stored index.
+pub(super) const TILES: [usize; 4] = [32, 16, 8, 4];
+
+/// How much finer than its component's step each zone of a left side is stored, in half octaves, by the stored index of
+/// its tile: so that errors are seen alike at all frequencies.
+///
+/// At 67 pixels a degree, contrast sensitivity (Andersson et al. 2020, after Johnson and Fairchild 2003) falls to a third
+/// from an eighth to a quarter of a cycle a pixel, and to nothing at a half. Steps follow it down to an eighth of the
+/// finest, not farther, as images are magnified. Towards the lowest frequencies steps become finer than it asks for: what is
+/// left of them are steps at the borders of tiles and blocks, which are seen best. Tuned: decision 70.
+const ZONE_STEPS: [[i8; ZONES]; TILES.len()] = [
+    [6, 3, 2, 1, 1, 0, -1, -2, -4, -5],
+    [3, 2, 1, 0, -1, -3, -4, -5, -6, -6],
+    [2, 1, 0, -2, -4, -6, -6, -6, -6, -6],
+    [0, -1, -3, -5, -6, -6, -6, -6, -6, -6],
+];
+
+/// The step of a component over that of the finest of its zones.
+pub(super) const FINEST_ZONE: f32 = 8.0;
+
+/// [`Steps::band_steps`] of a left side whose tiles have this stored index: of their zones, or all alike.
+pub(super) fn zone_steps(tile: usize, by_eye: bool) -> &'static [i8] {
+    if by_eye { &ZONE_STEPS[tile] } else { &[] }
+}
+
 /// About what coding an image would cost: squared error in squared steps plus `lambda` times bits, from the mean
 /// magnitudes of its zones.
-pub(super) fn estimate(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) -> f32 {
-    pulp::Arch::new().dispatch(Estimating { values, shape, step, lambda })
+pub(super) fn estimate(values: &[f32], shape: PlaneShape, steps: Steps<'_>, lambda: f32) -> f32 {
+    pulp::Arch::new().dispatch(Estimating { values, shape, steps, lambda })
 }
 
 struct Estimating<'a> {
     values: &'a [f32],
     shape: PlaneShape,
-    step: i32,
+    steps: Steps<'a>,
     lambda: f32,
 }
 
@@ -104,8 +129,8 @@ impl pulp::NullaryFnOnce for Estimating<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let inverse_step = 1.0 / step_of(self.step);
-        let cost = |band: &Vec<f32>| {
+        let cost = |(zone, band): (usize, &Vec<f32>)| {
+            let inverse_step = 1.0 / self.steps.of(zone);
             let (mut magnitudes, mut squares) = ([0.0f32; 16], [0.0f32; 16]);
             let (groups, rest) = band.as_chunks::<16>();
             for group in groups {
@@ -121,7 +146,7 @@ impl pulp::NullaryFnOnce for Estimating<'_> {
             let bits = laplace_bits(magnitude / count) * count + CLASS_BITS;
             zero.min(zero.min(count / 12.0) + self.lambda * bits)
         };
-        bands(self.values, self.shape).iter().filter(|band| !band.is_empty()).map(cost).sum()
+        bands(self.values, self.shape).iter().enumerate().filter(|(_, band)| !band.is_empty()).map(cost).sum()
     }
 }
 
@@ -389,4 +414,23 @@ pub(super) struct Scratch {
     tiles: Vec<(CoefficientTile, &'static Scan)>,
     /// Scratch memory of the transform.
     rows: Vec<f32>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The page's decoder and the document of the format have them again.
+    #[test]
+    fn steps_of_zones_are_those_of_the_page_and_of_the_document() {
+        let (page, document) =
+            (include_str!("../../../page/src/codec.js"), include_str!("../../../formats/ltc.md").replace('−', "-"));
+        for (steps, tile) in ZONE_STEPS.iter().zip(TILES) {
+            let list = |separator: &str| steps.map(|step| step.to_string()).join(separator);
+            assert!(page.contains(&format!("  [{}],\n", list(", "))), "{steps:?}");
+            assert!(document.contains(&format!("| {tile} | {} |\n", list(" | "))), "{steps:?}");
+            let finest = steps.iter().max().copied().unwrap_or(0);
+            assert!((f32::from(finest) / 2.0).exp2() <= FINEST_ZONE);
+        }
+    }
 }

@@ -32,11 +32,6 @@ pub(super) struct Steps<'a> {
 }
 
 impl Steps<'_> {
-    /// One step for all bands.
-    pub(super) fn even(index: i32) -> Self {
-        Self { index, band_steps: &[] }
-    }
-
     /// Whether all bands have the same step.
     pub(super) fn are_even(self) -> bool {
         self.band_steps.is_empty()

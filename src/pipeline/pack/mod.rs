@@ -45,8 +45,9 @@ const SAMPLE_BLOCKS: usize = 48;
 
 /// PSNR in dB of [`Target::Automatic`] for denoised images, which have no noise that would hide errors. Each of several
 /// lights alone counts as much as all together
-/// ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)). Tuned: decision 32.
-const DENOISED_DB: f64 = 72.0;
+/// ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)), and steps go by the eye
+/// ([`CompressSettings::by_eye`]). Tuned: decision 70.
+const DENOISED_DB: f64 = 62.0;
 
 /// Largest number of components of a block of denoised images, unless another number is chosen: those of the clusters
 /// and of their residual.
@@ -105,6 +106,7 @@ impl PackOptions {
         }
         if options.denoise && compress.target == Target::Automatic {
             compress.target = Target::PsnrDb(DENOISED_DB);
+            compress.by_eye = true;
         }
         options
     }
@@ -616,6 +618,9 @@ fn report_of(options: &PackOptions) -> ContainerReport {
     let settings = &options.compress;
     let target = match settings.target {
         _ if settings.has_fixed_rank() => format!("rank {}", settings.rank),
+        Target::PsnrDb(db) if settings.by_eye => {
+            format!("{db} dB PSNR of relit images, with steps as the eye resolves them")
+        }
         Target::PsnrDb(db) => format!("{db} dB PSNR of relit images"),
         Target::RelativeL2(error) => format!("relative L2 {error} of relit images"),
         Target::Bytes(bytes) => format!("{bytes} bytes"),

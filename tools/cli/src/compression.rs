@@ -16,8 +16,8 @@ pub struct Compression {
     #[arg(long, default_value = "auto")]
     method: Method,
     /// What to reach over the image: 45dB (PSNR of exposed images, whatever lamps are in view), 0.01 (relative L2) or 2MiB
-    /// (bytes of the file). The noise of the samples may stop it earlier [default: 72dB for denoised images, under each light
-    /// alone as well; for others as far as that noise, 50dB at most; 45dB where it is not known].
+    /// (bytes of the file). The noise of the samples may stop it earlier [default: 62dB for denoised images, under each light
+    /// alone as well, with steps as the eye resolves them; for others as far as that noise, 50dB at most; 45dB where it is not known].
     #[arg(long, value_parser = parse_target)]
     target: Option<Target>,
     /// Components of a block at most; the rank itself for the methods other than auto [default: 64 for

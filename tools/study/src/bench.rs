@@ -110,7 +110,8 @@ impl<'a> Bench<'a> {
         self.rendered(&format!("{light}-alone-{}", wanted.file_name()), wanted.applied_to(loaded))
     }
 
-    fn rendered(&self, name: &str, loaded: LoadedScene) -> Result<StoreReader> {
+    /// The matrix of a scene, in this file of the cache.
+    pub(super) fn rendered(&self, name: &str, loaded: LoadedScene) -> Result<StoreReader> {
         self.stop_if_interrupted()?;
         let path = self.cached(name);
         if let Ok(matrix) = StoreReader::open(&path)

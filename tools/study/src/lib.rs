@@ -29,6 +29,7 @@ mod mitsuba;
 mod mosaic;
 mod noise;
 mod oidn;
+mod packing;
 mod picture;
 mod python;
 mod rank;
@@ -77,6 +78,8 @@ pub enum Study {
     Lamp,
     /// Relit images as one sees them, beside a denoiser's.
     Picture,
+    /// Bytes and seconds of containers, and what is seen of packing itself.
+    Packing,
     /// Samples and seconds that the raw matrix takes to be as near to the truth as packed images.
     Equal,
     /// Arrays of another renderer at equal bytes.
@@ -113,7 +116,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -125,6 +128,7 @@ impl Study {
         Self::Noise,
         Self::Lamp,
         Self::Picture,
+        Self::Packing,
         Self::Equal,
         Self::Imports,
         Self::Example,
@@ -145,6 +149,7 @@ impl Study {
             Self::Noise => "noise",
             Self::Lamp => "lamp",
             Self::Picture => "picture",
+            Self::Packing => "packing",
             Self::Equal => "equal",
             Self::Imports => "imports",
             Self::Example => "example",
@@ -174,6 +179,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> R
             Study::Noise => noise::run(&bench)?,
             Study::Lamp => lamp::run(&bench)?,
             Study::Picture => picture::run(&bench)?,
+            Study::Packing => packing::run(&bench)?,
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
             Study::Example => example::run(&bench)?,

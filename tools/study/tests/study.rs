@@ -45,6 +45,12 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
         assert!(report.files.iter().any(|file| named(file) && file.extension().is_some_and(|e| e == "png")), "{name}");
     }
 
+    let packing = read_csv(&out.join("packing.csv"));
+    let (whole, default) =
+        (of(&packing, "packed", "whole").next().unwrap(), of(&packing, "packed", "default").next().unwrap());
+    assert!(number(default, "bytes") < 0.5 * number(whole, "bytes"), "{default:?}");
+    assert!(number(default, "seams_worst") < 1.2, "{default:?}");
+
     let gains = read_csv(&out.join("fig9-16-gain.csv"));
     assert_eq!(gains.len(), 4, "two scenes, twice");
     // By default what is noise is left out, so that the matrix, which holds it, is not followed beyond a size: only what
