@@ -9,7 +9,7 @@ use crate::matrix::BlockId;
 use crate::pipeline::verify::reading_need;
 use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
 use crate::scene::LoadedScene;
-use crate::store::{self, StoreReader};
+use crate::store::{self, Mending, StoreReader};
 
 /// Renders the damaged and missing blocks of a finished matrix again, in place. Returns their indices.
 ///
@@ -44,7 +44,7 @@ pub fn repair(
         !watch.interrupted()
     });
     watch.end();
-    let (writer, mut broken, mut job) = mended?;
+    let Mending { writer, again: mut broken, mut job } = mended?;
     broken.sort();
     if broken.is_empty() {
         writer.finish()?;
