@@ -223,8 +223,7 @@ impl Paths<'_> {
                 if shown.is_some() && at.shows_no_emitter() {
                     seen *= 1.0 - at.opacity;
                 }
-                passes += 1;
-                origin = at.point.start(direction);
+                (origin, passes) = (at.point.start(direction), passes + 1);
                 if passes >= MAX_PASSES {
                     return;
                 }
