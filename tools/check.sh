@@ -51,7 +51,6 @@ mkdir "$packed"
 cargo package --no-verify --allow-dirty --locked -p light-transport-matrix
 target=${CARGO_TARGET_DIR:-target}
 tar -xzf "$target"/package/light-transport-matrix-*.crate -C "$packed" --strip-components 1
-# With all features most of what it is built of is what the Python package is built of, and is checked once for both.
 cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples --all-features
 step "the oldest Rust"
 oldest=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)

@@ -125,7 +125,7 @@ fn told(name: &str, with: &str, renders: &[Vec<f64>]) -> (Comparison, String) {
     (found, write_evidence(name, renders))
 }
 
-/// Scenes of which several tests compare the same renders.
+/// Scenes of which several tests compare the same renders, made once: decision 50.
 const SHARED: [&str; 4] = ["diffuse", "smooth_glossy", "reflections", "caustics"];
 
 /// The renders of one of the [`SHARED`] scenes, made once.
