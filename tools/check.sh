@@ -32,6 +32,7 @@ print(*project["dependencies"], *sum(extras, []))') openjd-cli
 }
 fetch >/dev/null 2>&1 &
 fetching=$!
+trap 'kill "$fetching" 2>/dev/null || true; rm -rf "$work"' EXIT
 
 step "format"
 cargo fmt --all --check
