@@ -198,12 +198,11 @@ fn the_error_falls_with_the_number_of_samples() {
     let lamp = Vec3::new(0.1, 1.0, 0.2);
     let below = Vec3::new(lamp.x, -lamp.y, lamp.z);
     let error = |samples| {
-        let scene = above_a_mirror(Emitter::Point(PointEmitter::Point { position: lamp }), LightKind::Point, 32);
+        let scene = above_a_mirror(Emitter::Point(PointEmitter::Point { position: lamp }), LightKind::Point, 64);
         let expected = expected(&scene.camera, 2.0, |p| from_lamp(lamp, p) + SILVER * from_lamp(below, p));
         relative_error(&red(&tracer(scene, settings(samples, 3)), 0), &expected)
     };
     let (few, many) = (error(32), error(512));
-    eprintln!("{few} with 32 samples, {many} with 512, {} with 2,048", error(2048));
     assert!(many < 0.5 * few, "{few} with 32 samples, {many} with 512");
     // Beyond a million photons they come in more maps: four times as many have `4^(−1/3) = 0.63` of the error.
     let more = error(2048);
