@@ -53,14 +53,14 @@
 //! |---|---|
 //! | `error`, `decimal`, `encoding`, `sections`, `simd` | nothing |
 //! | `files`, `matrix` | `error` |
-//! | `image` | `error`, `files`, `matrix` |
+//! | `image` | `error`, `files`, `matrix`, `resources` |
 //! | `light` | `error`, `encoding`, `sections`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `decimal`, `files`, `matrix`, `light`, `image` |
-//! | `trace` | `error`, `matrix`, `light`, `scene` |
-//! | `compress` | `error`, `matrix`, `light`, `simd` |
-//! | `store` | `error`, `files`, `matrix`, `light` |
-//! | `container` | `error`, `encoding`, `sections`, `files`, `matrix`, `light` |
+//! | `trace` | `error`, `matrix`, `light`, `scene`, `resources` |
+//! | `compress` | `error`, `matrix`, `light`, `resources`, `simd` |
+//! | `store` | `error`, `files`, `matrix`, `light`, `resources` |
+//! | `container` | `error`, `encoding`, `sections`, `files`, `matrix`, `light`, `resources` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `share` | `error`, `decimal`, `matrix`, `light` |
 //! | `resources`, `blob_store` | `error`, `files` |

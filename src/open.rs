@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::{Job, LightBasis, Lighting};
 use crate::matrix::{Block, BlockId, BlockSource, MatrixShape, PixelRect, TracedBlock};
-use crate::pipeline::{check_matrix_path, factors_bytes, open_container};
+use crate::pipeline::{check_matrix_path, open_container};
 use crate::relight::{CpuRelighter, relight_raw, relight_region_streaming};
 use crate::resources::budget_bytes;
 use crate::store::StoreReader;
@@ -136,7 +136,7 @@ impl Matrix {
     fn factors(&self, container: &ContainerReader) -> Result<Option<&CpuRelighter>> {
         if self.factors.get().is_none() {
             // No lock is held meanwhile: a thread of the pool that waits takes up other work, which may relight too.
-            let fits = factors_bytes(container) <= budget_bytes(None);
+            let fits = container.factors_bytes() <= budget_bytes(None);
             let read = if fits { Some(CpuRelighter::load(container)?) } else { None };
             let _ = self.factors.set(read.filter(|read| read.damage().is_empty()));
         }

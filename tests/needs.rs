@@ -6,8 +6,9 @@ use ltm::image::LinearImage;
 use ltm::light::{Clusters, Light, LightBasis, LightKind};
 use ltm::matrix::{BlockId, MatrixShape, TracedBlock};
 use ltm::pipeline::{relit_layers_need_bytes, write_relit_layers};
+use ltm::resources::MemoryNeed;
 use ltm::scene::BuiltIn;
-use ltm::trace::{TraceSettings, Tracer};
+use ltm::trace::{TraceSettings, Tracer, TracerMemory};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
@@ -78,7 +79,7 @@ fn tracing_a_block_takes_what_is_stated() {
     let taken = taken_by(|| {
         tracer.trace_block(BlockId(0), &mut block);
     });
-    let stated = Tracer::block_needs_bytes(shape, clusters);
+    let stated = TracerMemory { scene: tracer.scene(), shape, clusters, settings }.thread_bytes();
     // At most, and not much more than it may come to: the list of differences grows with what a pixel's paths reach.
     assert!(taken <= stated && taken > stated * 3 / 4, "took {taken} bytes, said {stated}");
 }
@@ -97,10 +98,12 @@ fn photons_take_what_is_stated() {
     assert_eq!(tracer.photon_count(), 0);
     let mut count = 0;
     let taken = taken_by(|| count = tracer.with_settings(settings).unwrap().photon_count());
-    let stated = Tracer::photons_need_bytes(&scene, shape, settings);
+    let clusters = Clusters::of_basis(&scene.basis).count();
+    let memory = TracerMemory { scene: &scene, shape, clusters, settings };
+    let stated = memory.photon_bytes();
     // At most, as if every photon came to rest somewhere, in leaves half empty; most do, in leaves nearly full.
     assert!(count > 50_000 && taken <= stated && taken > stated / 4, "{count} took {taken} bytes, said {stated}");
     // However many samples there are.
     let many = TraceSettings { samples_per_pixel: 4096, ..settings };
-    assert!(Tracer::photons_need_bytes(&scene, shape, many) <= 256 << 20);
+    assert!(TracerMemory { settings: many, ..memory }.photon_bytes() <= 256 << 20);
 }

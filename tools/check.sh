@@ -9,7 +9,30 @@ cd "$(dirname "$0")/.."
 profile=${LTM_CHECK_PROFILE:-dev}
 if [ "$profile" = dev ]; then built=debug; else built=$profile; fi
 
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
 step() { printf '\n== %s (%ss)\n' "$1" "$SECONDS"; }
+
+# What the tests of the Python package and of the page want from their registries comes while Rust is built. A failure is not one
+# here: the steps below ask again, and say what is missing.
+fetch() {
+    if python3 -c 'import sys, tomllib, venv, ensurepip' 2>/dev/null; then
+        python3 -m venv "$work/venv"
+        # shellcheck disable=SC2046
+        "$work/venv/bin/pip" install --quiet $(python3 -c 'import tomllib
+with open("tools/python/pyproject.toml", "rb") as file:
+    project = tomllib.load(file)["project"]
+extras = (project["optional-dependencies"][extra] for extra in ("test", "farm", "slurm"))
+print(*project["dependencies"], *sum(extras, []))') openjd-cli
+    fi
+    if command -v npm; then
+        (cd page && npm ci --silent --no-audit --no-fund)
+    fi
+}
+fetch >/dev/null 2>&1 &
+fetching=$!
+trap 'kill "$fetching" 2>/dev/null || true; rm -rf "$work"' EXIT
 
 step "format"
 cargo fmt --all --check
@@ -24,12 +47,11 @@ RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-p
 step "the package of the library"
 # Without its own build, which shares nothing with the others: what is in the package is checked below, and does.
 cargo publish --dry-run --no-verify --allow-dirty --locked -p light-transport-matrix
-packed=$(mktemp -d)
-trap 'rm -rf "$packed"' EXIT
+packed=$work/package
+mkdir "$packed"
 cargo package --no-verify --allow-dirty --locked -p light-transport-matrix
 target=${CARGO_TARGET_DIR:-target}
 tar -xzf "$target"/package/light-transport-matrix-*.crate -C "$packed" --strip-components 1
-# With all features most of what it is built of is what the Python package is built of, and is checked once for both.
 cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples --all-features
 step "the oldest Rust"
 oldest=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
@@ -68,8 +90,7 @@ else
     echo "no mdbook: the book is not built"
 fi
 step "the demonstration"
-demo=$(mktemp -d)
-trap 'rm -rf "$packed" "$demo"' EXIT
+demo=$work/demo
 if [ "$profile" = dev ]; then
     # As the tests have built it: alone it would be built anew, with fewer features of what it is built of.
     "$target/debug/ltm" demo --samples 64 --out "$demo/out"
@@ -78,12 +99,18 @@ else
 fi
 test -s "$demo/out/all-on.png"
 step "the Python package, installed into a fresh environment"
+wait "$fetching" || true
 if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
-    (cd tools/python && cargo fmt --check && cargo clippy --profile "$profile" --locked -- -D warnings)
-    python3 -m venv "$demo/venv"
-    if "$demo/venv/bin/pip" download --quiet --no-deps --dest "$demo/wheels" numpy; then
-        MATURIN_PEP517_ARGS="--profile $profile" "$demo/venv/bin/pip" install --quiet './tools/python[test,farm,slurm]' openjd-cli
-        LTM=$(realpath "$target/$built/ltm") "$demo/venv/bin/python" -m pytest --quiet tools/python
+    # Of crates as the workspace has built them, see `as-workspace` in the manifest; for users without.
+    features=()
+    if [ "$profile" = dev ]; then features=(--features as-workspace); fi
+    (cd tools/python && cargo fmt --check && cargo clippy --profile "$profile" "${features[@]}" --locked -- -D warnings)
+    python3 -m venv "$work/venv"
+    if "$work/venv/bin/pip" download --quiet --no-deps --dest "$work/wheels" numpy; then
+        MATURIN_PEP517_ARGS="--profile $profile ${features[*]}" \
+            "$work/venv/bin/pip" install --quiet './tools/python[test,farm,slurm]' openjd-cli
+        # More processes than processors: two thirds of the time is waiting for workers, daemons, kernels and a bad network.
+        LTM=$(realpath "$target/$built/ltm") "$work/venv/bin/python" -m pytest --quiet -n 4 --dist loadgroup tools/python
     else
         echo "no package index can be reached: the Python package is not tested"
     fi

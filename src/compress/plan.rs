@@ -11,6 +11,7 @@ use super::{CompressSettings, Cut, Method, PriorChoice, Scope, column_similarity
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
 use crate::matrix::{BlockSource, MatrixShape, TracedBlock};
+use crate::resources::MemoryNeed;
 
 /// A compressor before blocks are analysed: its settings, the lightings that errors are weighed by, what it takes, and how a cut is
 /// chosen. It becomes a [`Compressor`](super::Compressor) by [`for_blocks`](Self::for_blocks) or
@@ -23,6 +24,18 @@ pub struct CompressorPlan {
     pub(super) variances: Vec<f32>,
     /// The probe lightings that noise is kept under: columns × probes, column-major.
     pub(super) probes: Vec<f32>,
+}
+
+impl MemoryNeed for CompressorPlan {
+    /// What [`choose_globally`](Self::choose_globally) holds beside the blocks at hand, and what it keeps.
+    fn fixed_bytes(&self) -> u64 {
+        if self.settings.scope == Scope::Global { global::needs_bytes(self.shape, &self.settings) } else { 0 }
+    }
+
+    /// One call of [`analyse`](super::Compressor::analyse) beside the block itself, the compressor and a candidate.
+    fn thread_bytes(&self) -> u64 {
+        Self::needs_bytes_for(self.shape, &self.settings)
+    }
 }
 
 impl CompressorPlan {
@@ -110,11 +123,6 @@ impl CompressorPlan {
         }
     }
 
-    /// Bytes that [`choose_globally`](Self::choose_globally) holds at most beside the blocks at hand, and what it keeps.
-    pub fn global_needs_bytes(&self) -> u64 {
-        if self.settings.scope == Scope::Global { global::needs_bytes(self.shape, &self.settings) } else { 0 }
-    }
-
     /// Bytes that [`ask_images`](Self::ask_images) holds at most beside the blocks at hand.
     pub fn asking_needs_bytes(&self, basis: &LightBasis) -> u64 {
         if self.asks_images(basis) { column_similarity::needs_bytes(self.shape.columns()) } else { 0 }
@@ -137,13 +145,7 @@ impl CompressorPlan {
         &self.settings
     }
 
-    /// Bytes of working memory that one call of [`analyse`](super::Compressor::analyse) takes at most beside the block itself, and
-    /// bytes of the compressor and of a candidate.
-    pub fn needs_bytes(&self) -> u64 {
-        Self::needs_bytes_for(self.shape, &self.settings)
-    }
-
-    /// [`needs_bytes`](Self::needs_bytes) of a compressor for matrices of this shape with these settings.
+    /// [`thread_bytes`](MemoryNeed::thread_bytes) of a compressor for matrices of this shape with these settings.
     pub fn needs_bytes_for(shape: MatrixShape, settings: &CompressSettings) -> u64 {
         let (m, n) = (shape.max_block_rows() as u64, shape.columns() as u64);
         let q = (settings.rank + settings.oversampling + 1) as u64;

@@ -19,6 +19,7 @@ use crate::error::{Error, Hint, Result};
 use crate::files::{Ranged, open_input};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
+use crate::resources::MemoryNeed;
 
 /// The first read takes this share of the file, within the two bounds. That covers the index of any container whose
 /// blocks have 4 KiB and more in two layers; otherwise a second read follows.
@@ -167,9 +168,14 @@ impl ContainerReader {
         self.index.base_end()
     }
 
-    /// Memory that the open container takes: its index, and what a store is read ahead.
-    pub fn index_bytes(&self) -> u64 {
-        self.index.bytes() + self.file.held_bytes()
+    /// Memory of all factors as they are held for relighting: 16 bits a value at most.
+    pub fn factors_bytes(&self) -> u64 {
+        let shape = self.job.shape;
+        let block = |id| {
+            let values = self.rank(id) * (shape.rect(id).rows() + shape.columns());
+            (values * 2 + self.rank(id) * 12 + self.sparse_entries(id) * 16 + 512) as u64
+        };
+        shape.blocks().map(block).sum()
     }
 
     /// The whole of a block: all its layers.
@@ -302,6 +308,22 @@ impl ContainerReader {
             && header.job_hash == self.job.hash().0
             && bytes[60..] == self.header_crc.to_le_bytes();
         if fits { Ok(()) } else { Err("header and index are not of the same container".into()) }
+    }
+}
+
+impl MemoryNeed for ContainerReader {
+    fn fixed_bytes(&self) -> u64 {
+        self.index.bytes() + self.file.held_bytes()
+    }
+
+    /// The largest block while it is decoded: two copies in f32, and one in compact form.
+    fn thread_bytes(&self) -> u64 {
+        let shape = self.job.shape;
+        let block = |id| {
+            let values = self.rank(id) * (shape.rect(id).rows() + shape.columns());
+            (values * 12 + self.sparse_entries(id) * 40) as u64 + self.encoded_bytes(id, 0..self.layer_count(id))
+        };
+        shape.blocks().map(block).max().unwrap_or(0)
     }
 }
 

@@ -32,7 +32,7 @@ use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::light::{Clusters, DenoiseErrors, Job, LightBasis};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
-use crate::resources::{JobStage, Progress, ResourceEstimate, Threads};
+use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Threads};
 
 /// Memory limit for the rows of a window that are held at once. A window of one block is filtered in any case.
 const WINDOW_BYTES: u64 = 512 << 20;
@@ -66,13 +66,12 @@ pub(crate) struct DenoisedSource {
 }
 
 impl DenoisedSource {
-    /// Memory for packing a denoised matrix, for each thread beside the current block. First blocks are made
-    /// (`making_bytes` more) and gathered; then windows are filtered; then blocks are spread and compressed
-    /// (`compressing_bytes` more).
-    pub(crate) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> ResourceEstimate {
+    /// Resources for packing a denoised matrix, for each thread beside the current block. First blocks are made, which takes
+    /// `source`, and gathered; then windows are filtered; then blocks are spread and compressed (`compressing_bytes` more).
+    pub(crate) fn need(job: &Job, source: ResourceEstimate, compressing_bytes: u64) -> ResourceEstimate {
         let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
-        let stages = Self::need_of_windows(job, making_bytes, windows);
-        let disk_bytes = Self::disk_bytes(job);
+        let stages = Self::need_of_windows(job, source, windows);
+        let disk_bytes = source.disk_bytes + Self::disk_bytes(job);
         ResourceEstimate {
             per_thread_bytes: stages.per_thread_bytes.max(compressing_bytes),
             disk_bytes,
@@ -81,17 +80,16 @@ impl DenoisedSource {
         }
     }
 
-    /// Memory of denoising alone, with windows at most `blocks` blocks wide.
-    pub(crate) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> ResourceEstimate {
+    /// Memory of denoising alone blocks that `source` makes, with windows at most `blocks` blocks wide.
+    pub(crate) fn need_of_windows(job: &Job, source: ResourceEstimate, blocks: u32) -> ResourceEstimate {
         let clusters = Clusters::of_basis(&job.basis).count();
-        let gathering = making_bytes + DenoiseInputs::takes_bytes(job);
+        // The map, and the compressor that computes residuals.
+        let map = (size_of::<f32>() * job.shape.columns()) as u64 * (clusters as u64 + CompressorPlan::COLUMN_VALUES);
+        let gathering = source.and(&[&Held(map), &PerThread(DenoiseInputs::takes_bytes(job))]);
         ResourceEstimate {
-            // The map, and the compressor that computes residuals.
-            fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
-                * (clusters as u64 + CompressorPlan::COLUMN_VALUES),
-            per_thread_bytes: gathering.max(DenoiseInputs::spreads_bytes(job)),
+            per_thread_bytes: gathering.per_thread_bytes.max(DenoiseInputs::spreads_bytes(job)),
             alone_bytes: Self::windows_need_bytes(job, blocks),
-            ..ResourceEstimate::default()
+            ..gathering
         }
     }
 

@@ -10,6 +10,7 @@ use crate::files::open_input;
 use crate::image::{LayerPattern, LightRow, LightSet};
 use crate::light::{Clusters, Job};
 use crate::matrix::{CHANNELS, PixelRect};
+use crate::resources::MemoryNeed;
 
 /// Prefix of layer names; two or more digits follow, the index of the cluster.
 pub(crate) const BASIS_LAYER: &str = "basis.";
@@ -22,6 +23,15 @@ pub(crate) struct ExternalImages {
     clusters: Vec<usize>,
     /// SHA-256 of the file.
     pub(crate) hash: [u8; 32],
+}
+
+impl MemoryNeed for ExternalImages {
+    /// What reading it takes.
+    fn fixed_bytes(&self) -> u64 {
+        let images =
+            (self.clusters.len() * CHANNELS * 4) as u64 * u64::from(self.set.width) * u64::from(self.set.height);
+        images + self.set.fixed_bytes()
+    }
 }
 
 impl ExternalImages {
@@ -47,13 +57,6 @@ impl ExternalImages {
         }
         let hash = hash_of(path)?;
         Ok(Self { path: path.to_owned(), set, clusters, hash })
-    }
-
-    /// Bytes that reading it takes at most.
-    pub(crate) fn needs_bytes(&self) -> u64 {
-        let images =
-            (self.clusters.len() * CHANNELS * 4) as u64 * u64::from(self.set.width) * u64::from(self.set.height);
-        images + self.set.needs_bytes()
     }
 
     /// The images: clusters × channels × pixels of the whole picture.

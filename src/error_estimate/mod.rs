@@ -16,8 +16,8 @@ use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::light::{ExposedError, Job, LightBasis, PROBES, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
-use crate::resources::{JobStage, PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
-use crate::store::{self, StoreReader};
+use crate::resources::{Held, JobStage, MemoryNeed, PerThread, Progress, ResourceEstimate, Threads};
+use crate::store::StoreReader;
 
 /// Name of the stage that measures the noise of a stored matrix.
 const MEASURING: &str = "measuring the noise";
@@ -166,18 +166,20 @@ pub struct ErrorMonitor {
     pub(crate) packed: Mutex<ProbedImages>,
 }
 
-impl ErrorMonitor {
-    /// Whether the error is promised for denoised images, as a container holds them, or for the matrix as it is.
-    pub fn denoises(&self) -> bool {
-        self.denoises
-    }
-
-    /// Bytes that it holds, including the images of the container.
-    pub fn needs_bytes(&self) -> u64 {
+impl MemoryNeed for ErrorMonitor {
+    /// All that it holds, including the images of the container.
+    fn fixed_bytes(&self) -> u64 {
         let held =
             |images: &ProbedImages| images.values().map(|block| block.values.len() + block.noise.len()).sum::<usize>();
         let seen = held(&self.references[0]) / 2;
         4 * (self.references.iter().map(held).sum::<usize>() + seen) as u64
+    }
+}
+
+impl ErrorMonitor {
+    /// Whether the error is promised for denoised images, as a container holds them, or for the matrix as it is.
+    pub fn denoises(&self) -> bool {
+        self.denoises
     }
 
     /// The number of samples that would reach an error that was missed by far; `None` if it was reached. It assumes the
@@ -218,25 +220,13 @@ impl ErrorMonitor {
         watch: &dyn Progress,
     ) -> Result<ExposedError> {
         let job = matrix.job();
-        let reading = reading_need_bytes(matrix);
-        let denoising = match self.denoises {
-            true => DenoisedSource::need_of_windows(job, reading, WINDOW),
-            false => ResourceEstimate { per_thread_bytes: reading, ..ResourceEstimate::default() },
-        };
-        let images = Blocks::images_need_bytes(job.shape, self.windows.concat().len());
-        let fixed_bytes = PROGRAM_BYTES + self.needs_bytes() + images + denoising.fixed_bytes;
-        let need = ResourceEstimate { fixed_bytes, ..denoising };
+        let images = Held(Blocks::images_need_bytes(job.shape, self.windows.concat().len()));
+        let reading = ResourceEstimate::of(&[self, &images, matrix, &PerThread(job.shape.max_block_bytes())]);
+        let need = if self.denoises { DenoisedSource::need_of_windows(job, reading, WINDOW) } else { reading };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
         Ok(self.reached(&source.images(self.denoises, &threads, "measuring the error", watch)?.shown))
     }
-}
-
-/// Bytes that a thread takes to read a block of a stored matrix, with the block.
-pub(crate) fn reading_need_bytes(matrix: &StoreReader) -> u64 {
-    let (job, shape) = (matrix.job(), BlockSource::shape(matrix));
-    let block = size_of::<f32>() as u64 * shape.max_block_rows() as u64 * shape.columns() as u64;
-    store::requirements(job, &matrix.options()).memory_bytes + block
 }
 
 /// Blocks of windows of a matrix, from wherever it comes.
@@ -325,11 +315,8 @@ pub fn expected_error(matrix: &StoreReader, memory_bytes: Option<u64>, watch: &d
     let shape = BlockSource::shape(matrix);
     let committed = shape.blocks().filter(|&id| matrix.is_committed(id)).collect();
     let blocks = [spread_blocks(shape, committed, BLOCKS)];
-    let need = ResourceEstimate {
-        fixed_bytes: PROGRAM_BYTES + Blocks::images_need_bytes(shape, blocks[0].len()),
-        per_thread_bytes: reading_need_bytes(matrix),
-        ..ResourceEstimate::default()
-    };
+    let images = Held(Blocks::images_need_bytes(shape, blocks[0].len()));
+    let need = ResourceEstimate::of(&[&images, matrix, &PerThread(shape.max_block_bytes())]);
     let threads = Threads::new(need.threads_within(MEASURING, memory_bytes)?)?;
     let blocks = Blocks { source: matrix, job: matrix.job(), windows: &blocks };
     let images = blocks.images(false, &threads, MEASURING, watch)?;

@@ -26,7 +26,7 @@ use crate::pipeline::{
     PackOptions, PackReport, PackSource, Packing, check_container_output, job_of, need_of, plan_of, settings_of,
     tracer_of, tracing_need,
 };
-use crate::resources::{Progress, ResourceEstimate, Threads, hold_to_memory};
+use crate::resources::{Held, Progress, ResourceEstimate, Threads, hold_to_memory};
 use crate::scene::LoadedScene;
 use crate::trace::Tracer;
 
@@ -147,7 +147,7 @@ impl FarmJob {
         let begun = Instant::now();
         let job = &self.terms.job;
         let plan = self.plan()?;
-        let merging = need_of(&plan, job.shape, ResourceEstimate::default(), self.denoises().then_some(job));
+        let merging = need_of(&plan, job.shape, ResourceEstimate::of(&[]), self.denoises().then_some(job));
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
         let (worker, need) = self.worker(plan, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
@@ -225,8 +225,8 @@ impl FarmJob {
             let problem = format!("{}..{} is not a range of its blocks, 0..{count}", blocks.start, blocks.end);
             return Err(Error::input("the matrix", problem, "take the ranges of the plan"));
         }
-        let (worker, mut need) = self.worker(self.plan()?, scratch)?;
-        need.fixed_bytes += depot.held_bytes();
+        let (worker, need) = self.worker(self.plan()?, scratch)?;
+        let need = need.and(&[&Held(depot.held_bytes())]);
         let output = Path::new(depot.address()).join(format!("{}..{}", blocks.start, blocks.end));
         let threads =
             need.threads_within(&format!("building {}", output.display()), self.terms.options.memory_bytes)?;
@@ -333,7 +333,7 @@ impl FarmJob {
         measuring.threads_within("merging", options.memory_bytes)?;
         let max_depth = self.loaded.settings.max_depth;
         job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
-        let source = PackSource { variant: b"f32", need: ResourceEstimate::default(), has_planes: options.denoise };
+        let source = PackSource { variant: b"f32", need: ResourceEstimate::of(&[]), has_planes: options.denoise };
         let (packing, plan) = Packing::begin(&job, source, path, &options, watch)?;
         packing.run_shards(plan.for_blocks()?, shards.set, watch)
     }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::pipeline::{Analysed, need_of};
-use crate::resources::{Progress, ResourceEstimate};
+use crate::resources::{Held, PerThread, Progress, ResourceEstimate};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
@@ -54,13 +54,11 @@ impl Worker {
     pub(super) fn need(terms: &Terms, plan: &CompressorPlan, source: ResourceEstimate) -> ResourceEstimate {
         let shape = terms.job.shape;
         // The positions of all records.
-        let places = 64 * u64::from(shape.block_count());
-        if !terms.options.denoise {
-            let need = need_of(plan, shape, source, None);
-            return ResourceEstimate { fixed_bytes: need.fixed_bytes + places, ..need };
+        let places = Held(64 * u64::from(shape.block_count()));
+        match terms.options.denoise {
+            true => source.and(&[&places, &PerThread(DenoiseInputs::takes_bytes(&terms.job))]),
+            false => need_of(plan, shape, source, None).and(&[&places]),
         }
-        let per_thread_bytes = source.per_thread_bytes + DenoiseInputs::takes_bytes(&terms.job);
-        ResourceEstimate { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 
     /// Makes a block's record, unless it exists; returns the amount of work.

@@ -65,8 +65,7 @@ impl NpyHeader {
         let mut text = vec![0; length];
         reader.read_exact(&mut text).map_err(cut_short)?;
         let text = std::str::from_utf8(&text).map_err(|_| "its header is no text")?;
-        let (descr, fortran_order, shape) = dictionary(text)?;
-        Ok(Self { descr, fortran_order, shape, bytes: (before + length) as u64 })
+        parse_header(text, (before + length) as u64)
     }
 
     /// Number of values; none where it is beyond 2⁶⁴.
@@ -75,8 +74,8 @@ impl NpyHeader {
     }
 }
 
-/// Type, order and shape of `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`.
-fn dictionary(text: &str) -> Result<(String, bool, Vec<u64>), String> {
+/// A header of `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`, before values that begin at byte `bytes`.
+fn parse_header(text: &str, bytes: u64) -> Result<NpyHeader, String> {
     let malformed = || "its header is not that of a plain array".to_owned();
     let mut rest = text.trim().strip_prefix('{').ok_or_else(malformed)?.trim_start();
     let (mut descr, mut fortran_order, mut shape) = (None, None, None);
@@ -110,7 +109,7 @@ fn dictionary(text: &str) -> Result<(String, bool, Vec<u64>), String> {
         }
     }
     match (descr, fortran_order, shape, rest[1..].trim()) {
-        (Some(descr), Some(fortran_order), Some(shape), "") => Ok((descr, fortran_order, shape)),
+        (Some(descr), Some(fortran_order), Some(shape), "") => Ok(NpyHeader { descr, fortran_order, shape, bytes }),
         _ => Err(malformed()),
     }
 }

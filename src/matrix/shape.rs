@@ -134,6 +134,11 @@ impl MatrixShape {
         PixelRect { x, y, width: self.block_side.min(self.width - x), height: self.block_side.min(self.height - y) }
     }
 
+    /// Bytes of the largest block's entries.
+    pub fn max_block_bytes(self) -> u64 {
+        size_of::<f32>() as u64 * self.max_block_rows() as u64 * self.columns() as u64
+    }
+
     /// Rows of the largest block.
     pub fn max_block_rows(self) -> usize {
         self.rect(BlockId(0)).rows()

@@ -42,7 +42,6 @@ pub use open::{check_matrix_path, open_container};
 #[cfg(feature = "scene")]
 pub(crate) use pack::{Analysed, FirstPass, PackSource, Packing, need_of, plan_of};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, check_container_output, pack};
-pub(crate) use relight::factors_bytes;
 pub use relight::{
     Device, PASSES, RelightOptions, Relighter, passes_need_bytes, relight, relight_matrix, relight_passes,
     relit_layers_need_bytes, write_relit_layers,

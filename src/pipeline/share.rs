@@ -12,7 +12,7 @@ use crate::image::{LUMENS_PER_WATT, exposure_for};
 use crate::light::{Job, LightUnit, Lighting};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, MatrixShape, TracedBlock};
 use crate::relight::relight_streaming;
-use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
+use crate::resources::{MemoryNeed, Progress, ResourceEstimate};
 use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_with_data, write_data};
 
 use super::{PackOptions, pack};
@@ -94,10 +94,7 @@ pub fn share(
         }
         None => check_output(output, options.overwrite)?,
     }
-    let need = ResourceEstimate {
-        fixed_bytes: PROGRAM_BYTES + needs_bytes(container, options.single),
-        ..ResourceEstimate::default()
-    };
+    let need = ResourceEstimate::of(&[&Sharing { container, single: options.single }]);
     need.threads_within("sharing", options.memory_bytes)?;
 
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
@@ -172,13 +169,21 @@ fn level_of(source: &ContainerReader) -> Result<Level<'_>> {
     Level::new(source, |id| (source.rank(id), source.sparse_entries(id)))
 }
 
-/// Memory beside that of the program: the index, an image, a block of the preview with its inputs and its compressor,
-/// and three copies of the data if they go into the page.
-fn needs_bytes(container: &ContainerReader, single: bool) -> u64 {
-    let shape = container.job().shape;
-    let block = (shape.max_block_rows() * (shape.columns() + 64) * 4) as u64;
-    let data = if single { 3 * container.file_bytes() } else { 0 };
-    container.index_bytes() + 2 * shape.rows() * 4 + 6 * block + data
+/// What sharing a container takes.
+struct Sharing<'a> {
+    container: &'a ContainerReader,
+    single: bool,
+}
+
+impl MemoryNeed for Sharing<'_> {
+    /// The index, an image, a block of the preview with its inputs and its compressor, and three copies of the data if they go
+    /// into the page.
+    fn fixed_bytes(&self) -> u64 {
+        let shape = self.container.job().shape;
+        let block = (shape.max_block_rows() * (shape.columns() + 64) * 4) as u64;
+        let data = if self.single { 3 * self.container.file_bytes() } else { 0 };
+        self.container.fixed_bytes() + 2 * shape.rows() * 4 + 6 * block + data
+    }
 }
 
 /// The factor to cd/m² luminance, if a weight of 1 on each light is a physical quantity and pixels are radiances.

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::open::open_container;
-use super::relight::decoding_bytes;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::matrix::FactorSource;
-use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
+use crate::resources::{Held, MemoryNeed, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress, human_bytes};
 use crate::store::{self, StoreReader};
 
@@ -53,7 +52,7 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Progress) -> R
     let memory = PeakMemory::start();
     let reader = StoreReader::open(path)?;
     let blocks = reader.job().shape.block_count();
-    reading_need(&reader).admit("checking", path, &[], memory_bytes, watch)?;
+    ResourceEstimate::of_one_thread(&[&reader]).admit("checking", path, &[], memory_bytes, watch)?;
     watch.begin("checking", u64::from(blocks), "blocks");
     let mut bytes = 0;
     let found = store::verify_storage(&reader, |_, read| {
@@ -81,9 +80,7 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Prog
     let begun = Instant::now();
     let memory = PeakMemory::start();
     let reader = open_container(path)?;
-    let fixed_bytes = PROGRAM_BYTES + reader.index_bytes();
-    let need =
-        ResourceEstimate { fixed_bytes, per_thread_bytes: decoding_bytes(&reader), ..ResourceEstimate::default() };
+    let need = ResourceEstimate::of(&[&reader]);
     let threads = Threads::new(need.admit("checking", path, &[], memory_bytes, watch)?)?;
     let blocks = reader.job().shape.blocks().filter(|&id| reader.has_block(id)).count();
     watch.begin("checking", blocks as u64, "blocks");
@@ -112,7 +109,7 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Prog
 /// # Errors
 /// Those of opening the parts; [`Error::Resources`] where the memory is too small.
 pub fn admit_merge(parts: &[PathBuf], memory_bytes: Option<u64>) -> Result<()> {
-    let (mut fixed_bytes, mut largest) = (PROGRAM_BYTES, 0);
+    let (mut held, mut largest) = (0, 0);
     for path in parts {
         let is_container = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ltc"));
         if is_container {
@@ -120,20 +117,12 @@ pub fn admit_merge(parts: &[PathBuf], memory_bytes: Option<u64>) -> Result<()> {
             let shape = reader.job().shape;
             let chunk = shape.blocks().map(|id| reader.encoded_bytes(id, 0..reader.layer_count(id))).max();
             // Each part's index, the records of the whole, and the index being written.
-            fixed_bytes += 2 * reader.index_bytes() + u64::from(shape.block_count()) * 128;
+            held += 2 * reader.fixed_bytes() + u64::from(shape.block_count()) * 128;
             largest = largest.max(chunk.unwrap_or(0));
         } else {
-            let reader = StoreReader::open(path)?;
-            let need = reading_need(&reader);
-            fixed_bytes += need.fixed_bytes - PROGRAM_BYTES;
+            held += StoreReader::open(path)?.thread_bytes();
         }
-        ResourceEstimate { fixed_bytes: fixed_bytes + largest, ..ResourceEstimate::default() }
-            .threads_within("joining", memory_bytes)?;
+        ResourceEstimate::of(&[&Held(held), &Held(largest)]).threads_within("joining", memory_bytes)?;
     }
     Ok(())
-}
-
-pub(super) fn reading_need(reader: &StoreReader) -> ResourceEstimate {
-    let reading = store::requirements(reader.job(), &reader.options()).memory_bytes;
-    ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading, ..ResourceEstimate::default() }
 }

@@ -33,12 +33,15 @@
 
 mod budget;
 mod memory;
+mod memory_need;
 mod peak;
 mod progress;
 mod threads;
 
 pub(crate) use budget::{PROGRAM_BYTES, ResourceEstimate};
 pub use budget::{budget_bytes, hold_to_memory, human_bytes, parse_bytes};
+pub use memory_need::MemoryNeed;
+pub(crate) use memory_need::{Held, PerThread};
 pub use peak::PeakMemory;
 pub(crate) use progress::JobStage;
 pub use progress::{NoProgress, Progress};

@@ -22,7 +22,7 @@ use crate::error_estimate::{Blocks, ErrorMonitor, WINDOW, spread_windows};
 use crate::pipeline::{
     PackOptions, check_container_output, job_of, note_samples, samples_of_unfinished, settings_of, tracing_need,
 };
-use crate::resources::{Progress, ResourceEstimate, Threads};
+use crate::resources::{Held, Progress, Threads};
 use crate::scene::LoadedScene;
 use crate::store;
 
@@ -94,12 +94,9 @@ pub fn choose_samples(
     }
     let job = job_of(&loaded)?;
     let windows = spread_windows(job.shape, WINDOWS);
-    let mut need = tracing_need(&loaded, &job);
-    need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
-    if denoises {
-        let denoising = DenoisedSource::need_of_windows(&job, need.per_thread_bytes, WINDOW);
-        need = ResourceEstimate { fixed_bytes: need.fixed_bytes + denoising.fixed_bytes, ..denoising };
-    }
+    let images = Held(Blocks::images_need_bytes(job.shape, windows.concat().len()));
+    let tracing = tracing_need(&loaded, &job).and(&[&images]);
+    let need = if denoises { DenoisedSource::need_of_windows(&job, tracing, WINDOW) } else { tracing };
     let threads = Threads::new(need.threads_within("a pilot", pack.memory_bytes)?)?;
     let settings = settings_of(&loaded);
     let scene = Arc::new(loaded.scene);

@@ -88,22 +88,17 @@ pub(super) fn check_whole(path: &Path, scene: &Scene) -> Result<Warnings> {
     validate(scene)
 }
 
-/// The scene, the cameras of a glTF file and the warnings, without the checks of the whole.
-pub(super) fn unchecked(path: &Path, options: &LoadOptions) -> Result<(Scene, Vec<String>, Warnings)> {
-    let Unchecked { scene, cameras, warnings, .. } = put_together(path, options)?;
-    Ok((scene, cameras, warnings))
-}
-
 /// A scene before it is checked as a whole.
-struct Unchecked {
-    scene: Scene,
+pub(super) struct Unchecked {
+    pub(super) scene: Scene,
     settings: RenderSettings,
     /// Cameras of a glTF file, by the names of their nodes.
-    cameras: Vec<String>,
-    warnings: Warnings,
+    pub(super) cameras: Vec<String>,
+    pub(super) warnings: Warnings,
 }
 
-fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
+/// Reads a scene without the checks of the whole.
+pub(super) fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
     let memory = MemoryBound::of(options.memory_bytes.unwrap_or(u64::MAX));
     if is_gltf(path) {
         return load_gltf(path, options, memory);

@@ -26,7 +26,7 @@ pub(super) fn cut(corners: &[DVec3]) -> Triangulation {
     if count == 3 {
         return Triangulation { triangles: vec![[0, 1, 2]], crosses: false };
     }
-    let (flat, height, length) = flattened(corners);
+    let Flattened { flat, height, length } = Flattened::of(corners);
     let fan = || (1..count - 1).map(|i| [0, i, i + 1]).collect();
     if count > MAX_CORNERS {
         return Triangulation { triangles: fan(), crosses: true };
@@ -59,31 +59,41 @@ pub(super) fn cut(corners: &[DVec3]) -> Triangulation {
     Triangulation { triangles, crosses: crosses && !is_folded }
 }
 
-/// The corners seen along the polygon's normal: the two axes in which it is widest. And how far they stand off the plane of the first
-/// one, and the length of the whole.
-fn flattened(corners: &[DVec3]) -> (Vec<DVec2>, f64, f64) {
-    let next = corners.iter().cycle().skip(1);
-    let origin = corners[0];
-    let normal = corners.iter().zip(next).fold(DVec3::ZERO, |sum, (a, b)| sum + (*a - origin).cross(*b - origin));
-    let low = corners.iter().fold(DVec3::INFINITY, |low, corner| low.min(*corner));
-    let extent = corners.iter().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner)) - low;
-    // Without area, as of a bow whose halves cancel: along the axis in which it is thinnest.
-    let has_area = normal.length() > 1e-9 * extent.length_squared();
-    let size = if has_area { normal.abs() } else { -extent };
-    let axis = if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    };
-    let along = if has_area { normal.normalize_or_zero() } else { DVec3::AXES[axis] };
-    let height = corners.iter().map(|corner| (*corner - origin).dot(along).abs()).fold(0.0, f64::max);
-    let seen = |corner: &DVec3| {
-        let DVec3 { x, y, z } = *corner - origin;
-        [DVec2::new(y, z), DVec2::new(z, x), DVec2::new(x, y)][axis]
-    };
-    (corners.iter().map(seen).collect(), height, extent.length())
+/// A polygon as it looks along its normal.
+struct Flattened {
+    /// The corners, in the two axes in which it is widest.
+    flat: Vec<DVec2>,
+    /// How far they stand off the plane of the first one.
+    height: f64,
+    /// Diagonal of the bounding box.
+    length: f64,
+}
+
+impl Flattened {
+    fn of(corners: &[DVec3]) -> Self {
+        let next = corners.iter().cycle().skip(1);
+        let origin = corners[0];
+        let normal = corners.iter().zip(next).fold(DVec3::ZERO, |sum, (a, b)| sum + (*a - origin).cross(*b - origin));
+        let low = corners.iter().fold(DVec3::INFINITY, |low, corner| low.min(*corner));
+        let extent = corners.iter().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner)) - low;
+        // Without area, as of a bow whose halves cancel: along the axis in which it is thinnest.
+        let has_area = normal.length() > 1e-9 * extent.length_squared();
+        let size = if has_area { normal.abs() } else { -extent };
+        let axis = if size.x >= size.y && size.x >= size.z {
+            0
+        } else if size.y >= size.z {
+            1
+        } else {
+            2
+        };
+        let along = if has_area { normal.normalize_or_zero() } else { DVec3::AXES[axis] };
+        let height = corners.iter().map(|corner| (*corner - origin).dot(along).abs()).fold(0.0, f64::max);
+        let seen = |corner: &DVec3| {
+            let DVec3 { x, y, z } = *corner - origin;
+            [DVec2::new(y, z), DVec2::new(z, x), DVec2::new(x, y)][axis]
+        };
+        Self { flat: corners.iter().map(seen).collect(), height, length: extent.length() }
+    }
 }
 
 /// Twice the area, positive where the corners run counter-clockwise.

@@ -10,7 +10,7 @@ use glam::Vec3;
 use super::file::{MaterialEntry, SurfaceEntry};
 use super::folders::Folders;
 use super::material::{IORS, USUAL_IOR, normal_reflectance};
-use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, Through, Writer};
+use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, ShownLook, Through, Writer};
 use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
 use super::{Material, Paint, Surface, TextureId};
@@ -178,7 +178,7 @@ impl MaterialResolver<'_> {
             None => Paint::Constant(diffuse),
         };
         self.note_maps(source);
-        let (look, opacity, through) = mtl::look_of(source, shape);
+        let ShownLook { look, opacity, through } = mtl::look_of(source, shape);
         let is_bent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
         if let Some(ior) = source.ior.filter(|ior| !IORS.contains(ior) && (is_bent || ior > IORS.end())) {
             self.warnings.push(format!("{asked_by}: 'Ni' {ior} is no index of refraction; taken as {USUAL_IOR}"));
@@ -371,7 +371,7 @@ mod tests {
     use super::*;
 
     fn surface(source: MtlMaterial) -> Surface {
-        let (look, _, _) = mtl::look_of(&source, MaterialShape::Sheet);
+        let look = mtl::look_of(&source, MaterialShape::Sheet).look;
         SurfaceParams::of_mtl(&look, Paint::Constant(source.diffuse.unwrap_or_default())).surface()
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::load::{self, LoadOptions};
+use super::load::{self, LoadOptions, Unchecked};
 use super::{Material, Scene, Surface};
 use crate::error::{Result, Warnings};
 
@@ -26,7 +26,7 @@ pub struct SceneSurvey {
 /// # Errors
 /// Those of [`load_with`](super::load_with), but that a scene without light is described.
 pub fn survey(path: &Path, options: &LoadOptions) -> Result<SceneSurvey> {
-    let (scene, cameras, mut warnings) = load::unchecked(path, options)?;
+    let Unchecked { scene, cameras, mut warnings, .. } = load::put_together(path, options)?;
     let refused = match load::check_whole(path, &scene) {
         Ok(more) => {
             warnings.extend(more);

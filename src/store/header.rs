@@ -63,9 +63,18 @@ pub(super) struct StoreHeader {
     pub(super) planes_known: bool,
 }
 
+/// The beginning of a new file.
+pub(super) struct EncodedHeader {
+    pub(super) layout: StoreLayout,
+    /// The header page.
+    pub(super) page: [u8; PAGE],
+    /// The job description, padded to whole pages.
+    pub(super) description: Vec<u8>,
+}
+
 impl StoreHeader {
-    /// The header page and the job description (padded to whole pages) of a new file.
-    pub(super) fn encode(job: &Job, options: &StoreOptions) -> (StoreLayout, [u8; PAGE], Vec<u8>) {
+    /// What a new file begins with.
+    pub(super) fn encode(job: &Job, options: &StoreOptions) -> EncodedHeader {
         let mut description = encode_job(job);
         let layout = StoreLayout::new(job, options, description.len() as u64);
         description.resize(description.len().next_multiple_of(PAGE), 0);
@@ -90,7 +99,7 @@ impl StoreHeader {
         page[..size_of::<HeaderBytes>()].copy_from_slice(bytemuck::bytes_of(&fields));
         let checksum = crc32fast::hash(&page[CHECKED_FROM..]);
         page[8..CHECKED_FROM].copy_from_slice(&checksum.to_le_bytes());
-        (layout, page, description)
+        EncodedHeader { layout, page, description }
     }
 
     /// Reads and verifies the header and the job description.

@@ -92,7 +92,7 @@ pub use precision::Precision;
 pub use reader::{StoreCounts, StoreReader};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED, RECORD_FIELDS};
 pub use storage::{Access, FileStorage, Storage};
-pub use verify::{BlockDamage, VerifyReport, mend, verify, verify_storage};
+pub use verify::{BlockDamage, Mending, VerifyReport, mend, verify, verify_storage};
 pub use writer::{StoreSummary, StoreWriter};
 
 /// Where a field stands in a fixed structure: name, offset and size in bytes. `formats/ltm.md` repeats these tables and

@@ -14,6 +14,7 @@ use crate::light::{DescribedSource, Job};
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, BlockView, ColumnIndex, LentBlock, MatrixShape, TracedBlock,
 };
+use crate::resources::MemoryNeed;
 
 use super::header::StoreHeader;
 use super::layout::READING_BYTES;
@@ -468,6 +469,13 @@ impl<S: Storage> StoreReader<S> {
 impl<S: Storage> DescribedSource for StoreReader<S> {
     fn job(&self) -> &Job {
         Self::job(self)
+    }
+}
+
+impl<S: Storage> MemoryNeed for StoreReader<S> {
+    /// What reading a block takes beside it.
+    fn thread_bytes(&self) -> u64 {
+        super::requirements(self.job(), &self.options()).memory_bytes
     }
 }
 

@@ -56,15 +56,24 @@ pub fn verify(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<Ver
     verify_storage(&StoreReader::open_positioned(path)?, progress)
 }
 
-/// Opens a finished file to be repaired in place: checks it, discards what is damaged, and returns the writer. Also
-/// returns the blocks to be made again (damaged ones, then missing ones) and their job.
+/// A file under repair.
+pub struct Mending {
+    /// Writes the blocks that are made again.
+    pub writer: StoreWriter,
+    /// The blocks to be made again: damaged ones, then missing ones.
+    pub again: Vec<BlockId>,
+    /// Their job.
+    pub job: Job,
+}
+
+/// Opens a finished file to be repaired in place: checks it, and discards what is damaged.
 ///
 /// The file is valid at every instant. If the repair stops half way, the file lacks blocks, and repairing it again
 /// continues.
 ///
 /// # Errors
 /// Those of [`verify`]; a file whose header or description is damaged cannot be mended.
-pub fn mend(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
+pub fn mend(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<Mending> {
     let reader = StoreReader::open_positioned(path)?;
     let report = verify_storage(&reader, progress)?;
     let options = reader.options();
@@ -77,7 +86,7 @@ pub fn mend(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<(Stor
         writer.clear_unused(|id| reader.record(id))?;
     }
     again.extend(report.missing);
-    Ok((writer, again, reader.job().clone()))
+    Ok(Mending { writer, again, job: reader.job().clone() })
 }
 
 /// As [`verify`], over any storage.

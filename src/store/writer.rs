@@ -10,7 +10,7 @@ use crate::files::{ContinuationFile, check_free_space, open_locked, publish, syn
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 
-use super::header::{StoreHeader, UnverifiedHeader};
+use super::header::{EncodedHeader, StoreHeader, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
 use super::place::{StorePaths, check_output, claim_origin, partial_path};
 use super::record::{TileRecord, UnverifiedRecord};
@@ -170,7 +170,7 @@ fn refuse_foreign(storage: &FileStorage, path: &Path, job: &Job, options: StoreO
     let failed = || Error::io(path, "read the header");
     let length = storage.length().map_err(failed())?;
     let is_blank = UnverifiedHeader::is_blank(storage).map_err(failed())?;
-    let begun = StoreHeader::encode(job, &options).0.file_bytes();
+    let begun = StoreHeader::encode(job, &options).layout.file_bytes();
     if (is_blank && (length == 0 || length == begun)) || UnverifiedHeader::is_ours(storage).map_err(failed())? {
         return Ok(());
     }
@@ -197,7 +197,7 @@ impl<S: Storage> StoreWriter<S> {
 
     /// The header page is written last, so that a file with a header is complete up to its slots.
     fn begin_over(storage: S, place: StorePaths, job: &Job, options: StoreOptions) -> Result<Self> {
-        let (layout, page, description) = StoreHeader::encode(job, &options);
+        let EncodedHeader { layout, page, description } = StoreHeader::encode(job, &options);
         let failed = |action: &str| Error::io(&place.grows, action.to_owned());
         storage.set_length(layout.file_bytes()).map_err(failed("set the length"))?;
         if options.reserve {

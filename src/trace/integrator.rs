@@ -87,10 +87,17 @@ impl Last {
     }
 }
 
+/// A ray of a path.
+#[derive(Clone, Copy)]
+struct PathRay {
+    origin: Vec3,
+    direction: Vec3,
+}
+
 /// A delta branch: the ray that leaves a boundary along the branch that the path does not take.
 #[derive(Clone, Copy)]
 struct DeltaBranch {
-    ray: (Vec3, Vec3),
+    ray: PathRay,
     throughput: Vec3,
     /// Probability that the path would have taken this branch and all branches before it.
     share: f32,
@@ -108,7 +115,7 @@ impl DeltaBranch {
         if self.vertex + 1 >= max_depth && !way.pass_through {
             return None;
         }
-        at.onward(self.ray.1, way).map(|ray| Self {
+        at.onward(self.ray.direction, way).map(|ray| Self {
             ray,
             throughput: self.throughput * way.weight,
             share: self.share * share,
@@ -121,7 +128,8 @@ impl DeltaBranch {
     /// Continues straight through the surface that it has reached, as if that were absent.
     #[inline(always)]
     fn past(self, at: &PathVertex) -> Self {
-        Self { ray: (at.point.start(self.ray.1), self.ray.1), passes: self.passes + 1, ..self }
+        let direction = self.ray.direction;
+        Self { ray: PathRay { origin: at.point.start(direction), direction }, passes: self.passes + 1, ..self }
     }
 
     /// Likewise, with the surface's transmittance.
@@ -179,7 +187,8 @@ pub(super) fn trace_sample(
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
-    paths.follow((camera.eye, camera.direction(position)), maps, sampler, &mut record);
+    let ray = PathRay { origin: camera.eye, direction: camera.direction(position) };
+    paths.follow(ray, maps, sampler, &mut record);
     if let Some(planes) = record.planes {
         planes.add_features(&record.features);
     }
@@ -190,8 +199,8 @@ impl Paths<'_> {
     /// Traces a path from a camera ray. `maps` are the photon maps for the first non-specular vertex and for later
     /// ones.
     #[inline(always)]
-    fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
-        let (world, (mut origin, mut direction)) = (self.world, ray);
+    fn follow(&self, ray: PathRay, maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
+        let (world, PathRay { mut origin, mut direction }) = (self.world, ray);
         let (mut throughput, mut eta_scale) = (Vec3::ONE, 1.0);
         let mut last = Last::only(origin, direction);
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
@@ -200,18 +209,21 @@ impl Paths<'_> {
         let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MAX_FORKS);
         loop {
-            let Some(at) = self.arrive((origin, direction), &last, layer, throughput * seen, record) else { return };
+            let ray = PathRay { origin, direction };
+            let Some(at) = self.arrive(ray, &last, layer, throughput * seen, record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
             if layer == LightPath::Emission {
                 travelled += at.point.position.distance(origin);
             }
-            let here = DeltaBranch { ray: (origin, direction), throughput, share: seen, eta_scale, vertex, passes };
+            let here = DeltaBranch { ray, throughput, share: seen, eta_scale, vertex, passes };
             let shown = (layer == LightPath::Emission).then_some(here);
-            if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
-                passes += 1;
-                origin = at.point.start(direction);
+            if at.opacity < 1.0 && !self.meets(&at, &mut choice.x, shown, &mut forks, sampler, record) {
+                if shown.is_some() && at.shows_no_emitter() {
+                    seen *= 1.0 - at.opacity;
+                }
+                (origin, passes) = (at.point.start(direction), passes + 1);
                 if passes >= MAX_PASSES {
                     return;
                 }
@@ -252,7 +264,7 @@ impl Paths<'_> {
             throughput *= next.weight;
             eta_scale *= next.eta_scale;
             match at.onward(direction, &next) {
-                Some(ray) => (origin, direction) = ray,
+                Some(ray) => PathRay { origin, direction } = ray,
                 None => return,
             }
             if next.pass_through {
@@ -302,7 +314,7 @@ impl Paths<'_> {
     #[inline(always)]
     fn arrive(
         &self,
-        (origin, direction): (Vec3, Vec3),
+        PathRay { origin, direction }: PathRay,
         last: &Last,
         layer: LightPath,
         throughput: Vec3,
@@ -334,24 +346,20 @@ impl Paths<'_> {
     }
 
     /// Whether a path hits a partly transparent surface, by a uniform number, which is rescaled to be uniform again.
-    /// Emission behind the surface is seen whole, as behind boundaries: with the share `seen`, and by a delta branch.
+    /// Emission behind a surface that it hits is shown by a delta branch, as behind boundaries.
     #[cold]
     fn meets(
         &self,
         at: &PathVertex,
-        (choice, seen): (&mut f32, &mut f32),
+        choice: &mut f32,
         shown: Option<DeltaBranch>,
         forks: &mut u32,
         sampler: &Sampler,
         record: &mut PathRecord<'_, '_>,
     ) -> bool {
         let meets = *choice < at.opacity;
-        if let Some(here) = shown.filter(|_| at.shows_no_emitter()) {
-            if meets {
-                self.trace_delta_branch(here.through(at), forks, sampler, record);
-            } else {
-                *seen *= 1.0 - at.opacity;
-            }
+        if let Some(here) = shown.filter(|_| meets && at.shows_no_emitter()) {
+            self.trace_delta_branch(here.through(at), forks, sampler, record);
         }
         *choice /= at.opacity;
         meets
@@ -369,7 +377,7 @@ impl Paths<'_> {
     ) {
         while branch.passes < MAX_PASSES {
             let (ray, throughput) = (branch.ray, branch.throughput * branch.share);
-            let last = Last::only(ray.0, ray.1);
+            let last = Last::only(ray.origin, ray.direction);
             let Some(at) = self.arrive(ray, &last, LightPath::Emission, throughput, record) else { return };
             let at_end = branch.vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + branch.vertex + branch.passes);
@@ -490,9 +498,9 @@ impl PathVertex {
 
     /// The ray of a scattered direction of a path that came along `direction`. `None` if it does not leave the surface.
     #[inline(always)]
-    fn onward(&self, direction: Vec3, next: &Scattered) -> Option<(Vec3, Vec3)> {
+    fn onward(&self, direction: Vec3, next: &Scattered) -> Option<PathRay> {
         let direction = if next.pass_through { direction } else { self.leaving(next)? };
-        Some((self.point.start(direction), direction))
+        Some(PathRay { origin: self.point.start(direction), direction })
     }
 }
 

@@ -26,12 +26,14 @@ mod settings;
 #[path = "../../tests/transport/statistics.rs"]
 mod statistics;
 mod tracer;
+mod tracer_memory;
 mod vertex;
 mod world;
 
 pub use photons::{PhotonCost, Sending};
 pub use settings::TraceSettings;
 pub use tracer::{BlockStats, Tracer};
+pub use tracer_memory::TracerMemory;
 
 /// Version of the tracer's results, named by every matrix, so that blocks of two versions are never mixed. Raise it
 /// with every change of an entry.

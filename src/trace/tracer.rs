@@ -16,7 +16,7 @@ use super::scales;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::light::{Clusters, probe_lightings};
-use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
 use crate::scene::{RenderSettings, Scene};
 
 /// Cost of tracing a block.
@@ -151,20 +151,6 @@ impl Tracer {
     /// Number of photons emitted by the lights of a scene with these settings.
     pub fn photons_sent(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
         Photons::sent(scene, pixels(shape), settings)
-    }
-
-    /// Upper bound of the bytes of memory that the photons of a scene take, beside the blocks.
-    pub fn photons_need_bytes(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
-        Photons::needs_bytes(scene, pixels(shape), settings)
-    }
-
-    /// Upper bound of the bytes that tracing a block takes beside the block: sums and means of the current pixels,
-    /// noise, and the planes of `clusters` clusters. Noise and planes stay with the block.
-    pub fn block_needs_bytes(shape: MatrixShape, clusters: usize) -> u64 {
-        let (rows, columns) = (shape.max_block_rows() as u64, shape.columns() as u64);
-        let sums = PixelSums::needs_bytes(columns) + PixelMeans::needs_bytes(columns);
-        let planes = PlaneSums::needs_bytes(rows / CHANNELS as u64, columns, clusters as u64);
-        sums + NoiseSums::needs_bytes(rows, columns) + planes
     }
 
     /// The same scene with other settings.

@@ -1,6 +1,6 @@
 //! What holds for documents: links lead somewhere, versions agree, the README stays short.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -154,4 +154,21 @@ fn changes_are_short_and_of_known_kinds() {
 fn the_readme_is_short() {
     let lines = read("README.md").lines().count();
     assert!(lines <= LONGEST_README, "{lines} lines");
+}
+
+/// A reader finds each room, and one thing in it.
+#[test]
+fn every_room_is_described_in_one_sentence() {
+    let page = read("docs/architecture.md");
+    let table = page.split("## Rooms").nth(1).and_then(|rest| rest.split("\n## ").next()).expect("a list of rooms");
+    let rows = table.lines().filter(|line| line.starts_with("| `"));
+    let cells = rows.map(|line| line.trim_matches(['|', ' ']).split_once(" | ").expect("two cells"));
+    let said: BTreeMap<&str, &str> = cells.map(|(room, content)| (room.trim_matches('`'), content)).collect();
+    let entries = fs::read_dir(root().join("src")).unwrap().map(|entry| entry.unwrap().file_name());
+    let rooms: BTreeSet<String> = entries.map(|name| name.into_string().unwrap()).collect();
+    let listed: BTreeSet<String> = said.keys().map(|&room| room.to_owned()).chain(["lib.rs".to_owned()]).collect();
+    assert_eq!(listed, rooms);
+    for (room, content) in said {
+        assert!(!content.split_whitespace().any(|word| word == "and"), "{room} holds two things: {content}");
+    }
 }

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use ltm::Error;
 use ltm::matrix::{BlockId, BlockSink, BlockSource, TracedBlock};
-use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter, mend, merge, partial_path, requirements, verify};
+use ltm::store::{
+    Mending, Precision, StoreOptions, StoreReader, StoreWriter, mend, merge, partial_path, requirements, verify,
+};
 
 use crate::blocks::{block, job, job_of, options, read, write_all};
 
@@ -229,7 +231,7 @@ fn damaged_blocks_are_listed_and_can_be_mended() {
     let last = reader.layout().slot_offset(BlockId(1)) + reader.layout().slot_bytes(BlockId(1)) - 1;
     fs::File::options().write(true).open(&path).unwrap().write_at(&[0xff], last).unwrap();
     assert_eq!(verify(&path, |_, _| true).unwrap().stray.len(), 1);
-    let (writer, again, job) = mend(&path, |_, _| true).unwrap();
+    let Mending { writer, again, job } = mend(&path, |_, _| true).unwrap();
     assert_eq!((again.as_slice(), &job), (&[BlockId(2)][..], reader.job()));
     assert!(!reader.is_committed(BlockId(2)), "a file under repair lacks the block, it does not show half of it");
     for id in again {

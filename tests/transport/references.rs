@@ -1,5 +1,7 @@
 //! Against another renderer: images of single columns by Mitsuba 3, with their variance (`tests/references/make.py`).
 
+use std::sync::OnceLock;
+
 use glam::Vec3;
 use ltm::light::{Clusters, LightKind};
 use ltm::matrix::{CHANNELS, SeenEmission, TracedBlock};
@@ -111,7 +113,27 @@ fn image_of(blocks: &[TracedBlock], value: impl Fn(&TracedBlock, usize, usize) -
 
 /// Compares `name` with the reference `with`, of which the order is `[texel][channel][y][x]`.
 fn compared(name: &str, with: &str) -> (Comparison, String) {
-    compared_by(name, with, |tracer| tracer)
+    match shared_renders(name) {
+        Some(renders) => told(name, with, &renders.iter().map(|blocks| image(blocks)).collect::<Vec<_>>()),
+        None => compared_by(name, with, |tracer| tracer),
+    }
+}
+
+fn told(name: &str, with: &str, renders: &[Vec<f64>]) -> (Comparison, String) {
+    let found = judged(renders, reference(with));
+    eprintln!("{name} with {with}: {found}");
+    (found, write_evidence(name, renders))
+}
+
+/// Scenes of which several tests compare the same renders, made once: decision 50.
+const SHARED: [&str; 4] = ["diffuse", "smooth_glossy", "reflections", "caustics"];
+
+/// The renders of one of the [`SHARED`] scenes, made once.
+fn shared_renders(name: &str) -> Option<&'static [Vec<TracedBlock>]> {
+    static MADE: [OnceLock<Vec<Vec<TracedBlock>>>; SHARED.len()] = [const { OnceLock::new() }; SHARED.len()];
+    let index = SHARED.iter().position(|&shared| shared == name)?;
+    let make = || scenes::renders(tracer(scene(name), settings(1, 24)), settings(128, 24), 0..24).collect();
+    Some(MADE[index].get_or_init(make))
 }
 
 fn compared_by(name: &str, with: &str, by: impl Fn(Tracer) -> Tracer) -> (Comparison, String) {
@@ -125,9 +147,7 @@ fn compared_by(name: &str, with: &str, by: impl Fn(Tracer) -> Tracer) -> (Compar
     let tracer = by(tracer(scene, settings(1, 24)));
     let renders: Vec<Vec<f64>> =
         scenes::renders(tracer, settings(samples, 24), 0..renders).map(|blocks| image(&blocks)).collect();
-    let found = judged(&renders, reference(with));
-    eprintln!("{name} with {with}: {found}");
-    (found, write_evidence(name, &renders))
+    told(name, with, &renders)
 }
 
 /// Renders beside a reference's mean and the variance of that.
@@ -174,12 +194,11 @@ fn caustics_agree_with_the_reference() {
 /// against what its paths add to them.
 #[test]
 fn every_layer_agrees_with_the_reference() {
-    for name in ["diffuse", "smooth_glossy", "reflections", "caustics"] {
-        let scene = scene(name);
-        let clusters = Clusters::of_basis(&scene.basis);
+    for name in SHARED {
+        let clusters = Clusters::of_basis(&scene(name).basis);
         assert_eq!(clusters.of_column(), [0, 1], "each texel must be a cluster for this");
         let (mut first, mut later) = (Vec::new(), Vec::new());
-        for traced in scenes::renders(tracer(scene, settings(1, 24)), settings(128, 24), 0..24) {
+        for traced in shared_renders(name).expect("it is shared") {
             let lit = |halves: &[Vec<f32>; 2], at: usize| 0.5 * (halves[0][at] + halves[1][at]);
             let indirect = |t: &TracedBlock, row, column| lit(&planes(t).indirect, column * t.block.rows() + row);
             let seen_or_direct = |t: &TracedBlock, row: usize, column: usize| {
@@ -188,8 +207,8 @@ fn every_layer_agrees_with_the_reference() {
                 let seen: f32 = planes.emission.iter().filter(is_here).map(|e| e.value[row / pixels]).sum();
                 seen + lit(&planes.direct, column * t.block.rows() + row)
             };
-            first.push(image_of(&traced, seen_or_direct));
-            later.push(image_of(&traced, indirect));
+            first.push(image_of(traced, seen_or_direct));
+            later.push(image_of(traced, indirect));
         }
         let (all, direct) = (reference(name), reference(&format!("direct_{name}")));
         // Two independent renders of the reference: their variances add up.

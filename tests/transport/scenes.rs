@@ -11,6 +11,7 @@ use ltm::scene::{
     Vertex,
 };
 use ltm::trace::{BlockStats, TraceSettings, Tracer};
+use rayon::prelude::*;
 
 /// A scene of quads, built piece by piece.
 pub(crate) struct Builder {
@@ -202,21 +203,20 @@ pub(crate) fn blocks(tracer: &Tracer) -> Vec<TracedBlock> {
         tracer.trace_block(id, &mut block);
         block
     };
-    ltm::matrix::BlockSource::shape(tracer).blocks().map(traced).collect()
+    let ids: Vec<_> = ltm::matrix::BlockSource::shape(tracer).blocks().collect();
+    ids.into_par_iter().map(traced).collect()
 }
 
 /// All blocks of a scene.
 pub(crate) fn trace(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> Vec<(TracedBlock, BlockStats)> {
     let tracer = tracer(scene, settings);
     let shape = ltm::matrix::BlockSource::shape(&tracer);
-    shape
-        .blocks()
-        .map(|id| {
-            let mut block = TracedBlock::default();
-            let stats = tracer.trace_block(id, &mut block);
-            (block, stats)
-        })
-        .collect()
+    let traced = |id| {
+        let mut block = TracedBlock::default();
+        let stats = tracer.trace_block(id, &mut block);
+        (block, stats)
+    };
+    shape.blocks().collect::<Vec<_>>().into_par_iter().map(traced).collect()
 }
 
 /// Sum over columns for every row of every block.

@@ -4,7 +4,7 @@ use super::adaptive::BitEncoder;
 use super::chunk::{CODING_APART, CODING_BANDS, CODING_ZONES, Chunk, MIN_COMPONENT_BYTES};
 use super::component::{QuantisedComponent, right_bands};
 use super::planes::push;
-use super::rans::RansEncoder;
+use super::rans::{RansEncoder, RansStreams};
 use super::settings::CodecSettings;
 use super::side::{ClassContexts, Heads, code_band_steps, code_step};
 use super::sparse;
@@ -75,7 +75,7 @@ pub fn encode_layer(
         sparse::write(&mut side, &block.sparse, layout.pixels(), step_of(step));
     }
     let mut side = side.finish();
-    let (values, is_long, low_bits) = if rank > 0 { values.finish() } else { Default::default() };
+    let RansStreams { values, is_long, low_bits } = if rank > 0 { values.finish() } else { RansStreams::default() };
     let streams = side.len() + low_bits.len() + values.len();
     side.resize(side.len() + (rank * MIN_COMPONENT_BYTES).saturating_sub(streams), 0);
     Ok(Chunk::write(coding, [part.shared, rank, block.sparse.len()], &side, &low_bits, &values, is_long))

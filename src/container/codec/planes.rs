@@ -276,15 +276,15 @@ fn guess_class(total: u64, count: usize) -> u32 {
 #[inline(always)]
 fn best_class(values: &[i32], guess: u32) -> (u32, f32) {
     // Two classes share each shift, and all without one theirs.
-    let mut counted: Option<(u32, [u32; SYMBOLS], u32)> = None;
+    let mut counted: Option<SymbolCounts> = None;
     let mut total = |class: u32| {
         let (table, shift) = coding_of(class);
-        let (_, symbols, escapes) = match counted {
-            Some(counts) if counts.0 == shift => counts,
-            _ => *counted.insert(count(values, shift)),
+        let SymbolCounts { symbols, escape_bits, .. } = match counted {
+            Some(counts) if counts.shift == shift => counts,
+            _ => *counted.insert(SymbolCounts::of(values, shift)),
         };
         let coded: f32 = symbols.iter().zip(&table.bits).map(|(&n, &bits)| n as f32 * bits).sum();
-        coded + (escapes + shift * values.len() as u32) as f32
+        coded + (escape_bits + shift * values.len() as u32) as f32
     };
     // Real bands have heavier tails than the distributions, but the bits have one minimum.
     let mut best = (guess, total(guess));
@@ -308,28 +308,39 @@ fn best_class(values: &[i32], guess: u32) -> (u32, f32) {
     best
 }
 
-/// The shift, how often each symbol comes after it, and the bits behind the escapes.
-#[inline(always)]
-fn count(values: &[i32], shift: u32) -> (u32, [u32; SYMBOLS], u32) {
-    // Neighbours are often alike: adding to one counter again and again would wait for itself.
-    let mut counts = [[0u32; SYMBOLS]; 4];
-    let mut escapes = 0;
-    let mut add = |counts: &mut [u32; SYMBOLS], value: i32| {
-        let high = value >> shift;
-        let symbol = symbol_of(high);
-        counts[symbol] += 1;
-        if symbol == ESCAPE {
-            escapes += escape_bits(high);
+/// What the symbols of some values cost.
+#[derive(Clone, Copy)]
+struct SymbolCounts {
+    shift: u32,
+    /// How often each symbol comes after the shift.
+    symbols: [u32; SYMBOLS],
+    /// Bits behind the escapes.
+    escape_bits: u32,
+}
+
+impl SymbolCounts {
+    #[inline(always)]
+    fn of(values: &[i32], shift: u32) -> Self {
+        // Neighbours are often alike: adding to one counter again and again would wait for itself.
+        let mut counts = [[0u32; SYMBOLS]; 4];
+        let mut escapes = 0;
+        let mut add = |counts: &mut [u32; SYMBOLS], value: i32| {
+            let high = value >> shift;
+            let symbol = symbol_of(high);
+            counts[symbol] += 1;
+            if symbol == ESCAPE {
+                escapes += escape_bits(high);
+            }
+        };
+        let (groups, rest) = values.as_chunks::<4>();
+        for group in groups {
+            counts.iter_mut().zip(group).for_each(|(counts, &value)| add(counts, value));
         }
-    };
-    let (groups, rest) = values.as_chunks::<4>();
-    for group in groups {
-        counts.iter_mut().zip(group).for_each(|(counts, &value)| add(counts, value));
+        rest.iter().for_each(|&value| add(&mut counts[0], value));
+        let [mut sum, others @ ..] = counts;
+        others.iter().flatten().enumerate().for_each(|(i, n)| sum[i % SYMBOLS] += n);
+        Self { shift, symbols: sum, escape_bits: escapes }
     }
-    rest.iter().for_each(|&value| add(&mut counts[0], value));
-    let [mut sum, others @ ..] = counts;
-    others.iter().flatten().enumerate().for_each(|(i, n)| sum[i % SYMBOLS] += n);
-    (shift, sum, escapes)
 }
 
 /// Puts the values of an image into the stream.

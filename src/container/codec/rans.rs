@@ -32,6 +32,15 @@ pub(super) struct RansDecoder<'a> {
     low_bits: Option<LowBits<'a>>,
 }
 
+/// What an encoder made.
+#[derive(Default)]
+pub(super) struct RansStreams {
+    pub(super) values: Vec<u8>,
+    /// Whether the values have [`MAX_STATES`] states rather than one.
+    pub(super) is_long: bool,
+    pub(super) low_bits: Vec<u8>,
+}
+
 impl RansEncoder {
     /// Adds the values of a band, coded with `class` (not 0).
     pub(super) fn push_band(&mut self, class: u32, values: &[i32]) {
@@ -53,14 +62,12 @@ impl RansEncoder {
         }
     }
 
-    /// The bytes of everything pushed and whether they have [`MAX_STATES`] states rather than one; the low bits.
-    pub(super) fn finish(self) -> (Vec<u8>, bool, Vec<u8>) {
+    /// The streams of everything pushed.
+    pub(super) fn finish(self) -> RansStreams {
         let short = self.with_states::<1>();
-        let low_bits = |encoder: Self| encoder.low_bits.finish();
-        if short.len() < LONG_BYTES {
-            return (short, false, low_bits(self));
-        }
-        (self.with_states::<MAX_STATES>(), true, low_bits(self))
+        let is_long = short.len() >= LONG_BYTES;
+        let values = if is_long { self.with_states::<MAX_STATES>() } else { short };
+        RansStreams { values, is_long, low_bits: self.low_bits.finish() }
     }
 
     fn with_states<const STATES: usize>(&self) -> Vec<u8> {
@@ -297,7 +304,7 @@ mod tests {
             let values = if classes.len() > 1 { &values[..] } else { &values[340..] };
             let mut encoder = RansEncoder::default();
             classes.iter().for_each(|&class| encoder.push_band(class, values));
-            let (bytes, is_long, low_bits) = encoder.finish();
+            let RansStreams { values: bytes, is_long, low_bits } = encoder.finish();
             assert_eq!(is_long, classes.len() > 1);
             let count = if is_long { MAX_STATES } else { 1 };
             let start = |bytes| RansDecoder::new(bytes, count, Some(LowBits::new(&low_bits)));

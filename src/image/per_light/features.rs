@@ -5,6 +5,7 @@ use std::path::Path;
 use super::layers::{self, Layers};
 use super::{LightRow, TakeRow};
 use crate::error::{Error, Result};
+use crate::resources::MemoryNeed;
 
 /// Albedo, normal and depth of an OpenEXR file, as far as it has them.
 #[derive(Clone, Debug)]
@@ -14,6 +15,13 @@ pub struct FeaturePasses {
     /// Height in pixels.
     pub height: u32,
     layers: Layers,
+}
+
+impl MemoryNeed for FeaturePasses {
+    /// What [`read`](Self::read) takes.
+    fn thread_bytes(&self) -> u64 {
+        self.layers.chunk_bytes().saturating_mul(5)
+    }
 }
 
 impl FeaturePasses {
@@ -40,11 +48,6 @@ impl FeaturePasses {
                 "give an OpenEXR file with layers such as 'Denoising Albedo', 'Denoising Normal', 'Denoising Depth'";
             Error::input(path.display().to_string(), "has no layers of albedo, normal or depth", hint)
         })
-    }
-
-    /// Bytes of memory that [`read`](Self::read) takes for each thread.
-    pub fn needs_bytes_per_thread(&self) -> u64 {
-        self.layers.chunk_bytes().saturating_mul(5)
     }
 
     /// Hands over the rows of albedo (image 0), normal (1) and depth (2, channel 0).

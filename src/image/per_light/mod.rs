@@ -16,6 +16,7 @@ pub use features::FeaturePasses;
 
 use crate::error::{Error, Hint, Result, Warnings};
 use crate::image::open_exr::Window;
+use crate::resources::MemoryNeed;
 
 /// Longest side of an image, in pixels.
 const MAX_SIDE: u64 = 65_536;
@@ -112,6 +113,28 @@ enum Source {
     Array(array::ImageArray),
 }
 
+/// What [`LightSet::read`] takes.
+impl MemoryNeed for LightSet {
+    fn fixed_bytes(&self) -> u64 {
+        let names: usize = self.matches.iter().map(|m| 2 * (m.layer.len() + size_of::<LayerMatch>())).sum();
+        let reading = match &self.source {
+            // One image at a time.
+            Source::Files(files) => files.needs_bytes(),
+            Source::Layers(layers) => layers.chunk_bytes(),
+            Source::Array(_) => u64::from(self.width) * 64 + ARRAY_BUFFERS,
+        };
+        reading + 2 * names as u64
+    }
+
+    fn thread_bytes(&self) -> u64 {
+        match &self.source {
+            // Compressed, decompressed, and on the way between: twice, for planes of bytes and for their differences.
+            Source::Layers(layers) => layers.chunk_bytes().saturating_mul(5),
+            Source::Files(_) | Source::Array(_) => 0,
+        }
+    }
+}
+
 impl LightSet {
     /// Opens images of lights: a folder (each image file is a light), a file name with `{light}` instead of the
     /// light's name and `*` for any text, an NPY or NPZ file, or an OpenEXR file with light groups.
@@ -150,28 +173,6 @@ impl LightSet {
     /// Number of images: the lights, and the one under all of them where there is one.
     pub fn images(&self) -> usize {
         self.lights.len() + usize::from(self.has_sum)
-    }
-
-    /// Bytes of memory that [`read`](Self::read) takes at most for each thread of the current pool, beside
-    /// [`needs_bytes`](Self::needs_bytes).
-    pub fn needs_bytes_per_thread(&self) -> u64 {
-        match &self.source {
-            // Compressed, decompressed, and on the way between: twice, for planes of bytes and for their differences.
-            Source::Layers(layers) => layers.chunk_bytes().saturating_mul(5),
-            Source::Files(_) | Source::Array(_) => 0,
-        }
-    }
-
-    /// Bytes of memory that [`read`](Self::read) takes at most on any number of threads.
-    pub fn needs_bytes(&self) -> u64 {
-        let names: usize = self.matches.iter().map(|m| 2 * (m.layer.len() + size_of::<LayerMatch>())).sum();
-        let reading = match &self.source {
-            // One image at a time.
-            Source::Files(files) => files.needs_bytes(),
-            Source::Layers(layers) => layers.chunk_bytes(),
-            Source::Array(_) => u64::from(self.width) * 64 + ARRAY_BUFFERS,
-        };
-        reading + 2 * names as u64
     }
 
     /// Hands over every value, in the order of the files.

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use super::block_rows::{BlockRow, strip_bytes};
+use super::block_rows::BlockRow;
 use super::{FEATURE_CHANNELS, unknown};
 use crate::denoise::BASIS_LAYER;
 use crate::error::Result;
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
 use crate::light::Clusters;
 use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES};
-use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
-use crate::store::{self, StoreReader};
+use crate::resources::{Held, Progress, ResourceEstimate};
+use crate::store::StoreReader;
 
 /// Writes the images of the clusters of columns of a matrix as one EXR of 32-bit channels: layers `basis.00` onwards with R,
 /// G, B, and [`FEATURE_CHANNELS`]. An image is the sum of the columns of a cluster (`light::Clusters`) in their unit, without
@@ -36,9 +36,8 @@ pub fn write_basis(
         values.extend_from_slice(&planes.features);
         Ok(Some(values))
     });
-    let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
-    let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
-    let need = ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading + rows, ..ResourceEstimate::default() };
+    let writing = Held(exr_rows_need_bytes(planes.div_ceil(3), size));
+    let need = ResourceEstimate::of_one_thread(&[matrix, &strip, &writing]);
     need.threads_within("writing the basis images", memory_bytes)?;
     let layers = (0..clusters).flat_map(|k| ["R", "G", "B"].map(|colour| format!("{BASIS_LAYER}{k:02}.{colour}")));
     let names: Vec<String> = layers.chain(FEATURE_CHANNELS.map(str::to_owned)).collect();

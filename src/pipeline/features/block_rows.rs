@@ -2,12 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, MatrixShape};
-use crate::resources::Progress;
-
-/// Bytes of the planes of one row of blocks.
-pub(super) fn strip_bytes(shape: MatrixShape, planes: usize) -> u64 {
-    planes as u64 * u64::from(shape.width()) * u64::from(shape.block_side()) * 4
-}
+use crate::resources::{MemoryNeed, Progress};
 
 /// Planes of the image for one row of blocks.
 pub(super) struct BlockRow<F> {
@@ -18,6 +13,12 @@ pub(super) struct BlockRow<F> {
     row_of_blocks: Option<u32>,
     /// Planes × side of a block × width.
     values: Vec<f32>,
+}
+
+impl<F> MemoryNeed for BlockRow<F> {
+    fn fixed_bytes(&self) -> u64 {
+        self.planes as u64 * u64::from(self.shape.width()) * u64::from(self.shape.block_side()) * 4
+    }
 }
 
 impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> BlockRow<F> {

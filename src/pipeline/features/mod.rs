@@ -5,12 +5,12 @@ use std::path::Path;
 mod basis_images;
 mod block_rows;
 
-use self::block_rows::{BlockRow, strip_bytes};
+use self::block_rows::BlockRow;
 use crate::error::{Error, Result};
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, FEATURE_PLANES, Feature, MatrixShape};
-use crate::resources::{NoProgress, PROGRAM_BYTES, Progress, ResourceEstimate};
-use crate::store::{self, StoreReader};
+use crate::resources::{Held, NoProgress, Progress, ResourceEstimate};
+use crate::store::StoreReader;
 pub use basis_images::write_basis;
 
 /// The channel of each plane of features, in their order: Blender's names of what its denoiser takes, as OIDN's users
@@ -129,15 +129,14 @@ pub fn write_features(
 ) -> Result<u32> {
     let shape = BlockSource::shape(matrix);
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
-    let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
     let planes = 2 * FEATURE_PLANES;
-    let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
-    let need = ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading + rows, ..ResourceEstimate::default() };
-    need.threads_within("writing features", memory_bytes)?;
-    check_known(matrix, "features")?;
     let mut strip = BlockRow::new(shape, planes, |id| {
         Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
     });
+    let writing = Held(exr_rows_need_bytes(planes.div_ceil(3), size));
+    let need = ResourceEstimate::of_one_thread(&[matrix, &strip, &writing]);
+    need.threads_within("writing features", memory_bytes)?;
+    check_known(matrix, "features")?;
     watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
     let names: Vec<String> = FEATURE_CHANNELS.map(str::to_owned).into_iter().chain(variance_channels()).collect();
     let written = write_exr_channels(path, &names, size, &mut |channel, y, row| strip.copy_row(channel, y, row, watch));

@@ -22,7 +22,7 @@ use crate::light::{
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
 };
-use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
+use crate::resources::{MemoryNeed, Progress, ResourceEstimate, Threads};
 
 /// Version of how entries are made from images, named by matrices of images, so that blocks of two versions are never
 /// mixed. Raise it with every change of the result.
@@ -136,7 +136,7 @@ impl ImportedMatrix {
         if !matches!(noise, ImageNoise::Unknown) {
             check_features(set, noise.features())?;
             need.disk_bytes += ImportedFeatures::disk_bytes(set.width, set.height);
-            let features = noise.features().into_iter().flatten().map(FeaturePasses::needs_bytes_per_thread);
+            let features = noise.features().into_iter().flatten().map(FeaturePasses::thread_bytes);
             need.per_thread_bytes = features.fold(need.per_thread_bytes, u64::max);
         }
         let packing = packing_need(set, block_side, options, !matches!(noise, ImageNoise::Unknown))?;
@@ -492,13 +492,7 @@ fn spill_rows(
 /// Memory and disk space for reading images, which are kept on disk.
 fn reading_need(set: &LightSet) -> ResourceEstimate {
     let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
-    let fixed_bytes = PROGRAM_BYTES.saturating_add(set.needs_bytes());
-    ResourceEstimate {
-        fixed_bytes,
-        per_thread_bytes: set.needs_bytes_per_thread(),
-        disk_bytes,
-        ..ResourceEstimate::default()
-    }
+    ResourceEstimate { disk_bytes, ..ResourceEstimate::of(&[set]) }
 }
 
 /// Memory and disk space for packing the images. They are denoised if their noise is known and they are few enough.
@@ -519,7 +513,7 @@ fn packing_need(
     let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
     let options = options.for_source(is_noise_known && can_be_denoised(&job));
     let plan = CompressorPlan::new(&job.basis, shape, options.compress.clone())?;
-    let need = pack::need_of(&plan, shape, ResourceEstimate::default(), options.denoise.then_some(&job));
+    let need = pack::need_of(&plan, shape, ResourceEstimate::of(&[]), options.denoise.then_some(&job));
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }

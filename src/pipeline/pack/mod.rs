@@ -35,7 +35,7 @@ use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
 use crate::light::{DenoiseErrors, Job, StatedErrors};
 use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
-use crate::resources::{JobStage, PROGRAM_BYTES, ResourceEstimate, Threads};
+use crate::resources::{Held, JobStage, MemoryNeed, PerThread, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress};
 use crate::store;
 
@@ -129,18 +129,13 @@ pub fn pack(
     // Before any message on memory and disk.
     check_container_output(path, options.container.overwrite)?;
     let has_planes = options.denoise && {
-        let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * size_of::<f32>()) as u64;
-        let need = ResourceEstimate {
-            fixed_bytes: PROGRAM_BYTES,
-            per_thread_bytes: reading + block_bytes,
-            ..ResourceEstimate::default()
-        };
+        let need = ResourceEstimate::of(&[&PerThread(reading + job.shape.max_block_bytes())]);
         need.threads_within("packing", options.memory_bytes)?;
         let mut first = TracedBlock::default();
         source.read_block(BlockId(0), &mut first)?;
         first.planes.is_some()
     };
-    let need = ResourceEstimate { per_thread_bytes: reading, ..ResourceEstimate::default() };
+    let need = ResourceEstimate::of(&[&PerThread(reading)]);
     let variant = source.variant()?;
     let of_blocks = PackSource { variant: &variant, need, has_planes };
     let (mut packing, plan) = Packing::begin(job, of_blocks, path, options, watch)?;
@@ -197,10 +192,9 @@ impl Packing {
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
         let plan = plan_of(job, options)?;
         let basis = open_basis(options, job)?;
-        let mut need = need_of(&plan, job.shape, source.need, options.denoise.then_some(job));
-        need.fixed_bytes += basis.as_ref().map_or(0, ExternalImages::needs_bytes);
-        need.fixed_bytes += if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) };
-        need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
+        let asking = Held(if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) });
+        let need = need_of(&plan, job.shape, source.need, options.denoise.then_some(job));
+        let need = need.and(&[&basis, &asking, &options.promise.as_deref()]);
         let overwrite = container.overwrite;
         // Before any message on memory and disk.
         check_container_output(path, overwrite)?;
@@ -583,7 +577,6 @@ pub(crate) fn need_of(
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
     let candidate = plan.candidate_bytes() + Residual::max_bytes(rows, columns, plan.candidate_bytes() / 16);
-    let block_bytes = rows * columns * 4;
     // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
     let sparse = if plan.settings().method == Method::Auto { rows } else { 0 };
     let likely = plan.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
@@ -592,24 +585,17 @@ pub(crate) fn need_of(
     let fixed = plan.settings().has_fixed_rank();
     let stored = if fixed { likely } else { likely / 4 };
     // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
-    let compressing = plan.needs_bytes() + 3 * candidate;
-    let denoising = match denoised {
-        Some(job) => DenoisedSource::need(job, source.per_thread_bytes, compressing),
-        None => {
-            ResourceEstimate { per_thread_bytes: source.per_thread_bytes + compressing, ..ResourceEstimate::default() }
-        }
+    let compressing = plan.thread_bytes() + 3 * candidate;
+    let making = match denoised {
+        Some(job) => DenoisedSource::need(job, source, compressing),
+        None => ResourceEstimate { most_disk_bytes: source.disk_bytes, ..source.and(&[&PerThread(compressing)]) },
     };
+    let held = Held(4096 * blocks + 48 * columns + plan.fixed_bytes());
     ResourceEstimate {
-        fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
-            + 4096 * blocks
-            + 48 * columns
-            + plan.global_needs_bytes()
-            + denoising.fixed_bytes,
-        per_thread_bytes: block_bytes + denoising.per_thread_bytes,
-        alone_bytes: denoising.alone_bytes,
-        disk_bytes: source.disk_bytes + blocks * (likely + stored) + denoising.disk_bytes,
+        disk_bytes: making.disk_bytes + blocks * (likely + stored),
         // The spill file; then the waiting blocks and the container, each at most half as large as a candidate.
-        most_disk_bytes: source.disk_bytes + 2 * blocks * candidate + denoising.most_disk_bytes,
+        most_disk_bytes: making.most_disk_bytes + 2 * blocks * candidate,
+        ..making.and(&[&held, &PerThread(shape.max_block_bytes())])
     }
 }
 

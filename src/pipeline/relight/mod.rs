@@ -19,10 +19,10 @@ use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::{self, ImageSize, LinearImage};
 use crate::light::Lighting;
-use crate::matrix::{BlockSource, CHANNELS, FactorSource, MatrixShape};
+use crate::matrix::{BlockSource, CHANNELS, MatrixShape};
 use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
-use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads, budget_bytes, human_bytes};
-use crate::store::{self, StoreReader};
+use crate::resources::{Held, PerThread, Progress, ResourceEstimate, Threads, budget_bytes, human_bytes};
+use crate::store::StoreReader;
 
 /// The device to relight on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,11 +69,11 @@ impl<'a> Relighter<'a> {
     /// Those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
     /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
     pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Progress) -> Result<Self> {
-        let mut need = need_of(container);
-        need.fixed_bytes += options.beside_bytes;
+        let image = Held(image_bytes(container.job().shape));
+        let need = ResourceEstimate::of(&[container, &image, &Held(options.beside_bytes)]);
         let threads = need.threads_within("relighting", options.memory_bytes)?;
         let left = |bytes: u64| bytes.saturating_sub(need.bytes(threads));
-        let too_small = |bytes: &u64| factors_bytes(container) > left(*bytes);
+        let too_small = |bytes: &u64| container.factors_bytes() > left(*bytes);
         let budget = options.memory_bytes.or_else(|| Some(budget_bytes(None)).filter(too_small));
         let paged = || PagedRelighter::new(container, budget.map_or(u64::MAX, left));
         let kind = match gpu(container, &options, &paged, watch)? {
@@ -152,34 +152,6 @@ fn gpu<'a>(
     }
 }
 
-/// Memory beside the factors: images on their way to a file, and for each thread a block being decoded (two copies in
-/// f32, and one in compact form).
-fn need_of(container: &ContainerReader) -> ResourceEstimate {
-    let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
-    ResourceEstimate { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..ResourceEstimate::default() }
-}
-
-/// Memory of all factors as they are held for relighting: 16 bits a value at most.
-pub(crate) fn factors_bytes(container: &ContainerReader) -> u64 {
-    let shape = container.job().shape;
-    let block = |id| {
-        let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
-        (values * 2 + container.rank(id) * 12 + container.sparse_entries(id) * 16 + 512) as u64
-    };
-    shape.blocks().map(block).sum()
-}
-
-/// Bytes of the largest block while it is decoded.
-pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
-    let shape = container.job().shape;
-    let block = |id| {
-        let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
-        (values * 12 + container.sparse_entries(id) * 40) as u64
-            + container.encoded_bytes(id, 0..container.layer_count(id))
-    };
-    shape.blocks().map(block).max().unwrap_or(0)
-}
-
 /// Bytes of the image and of its encoder.
 fn image_bytes(shape: MatrixShape) -> u64 {
     3 * shape.rows() * 4
@@ -244,13 +216,8 @@ pub fn relight(
 pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, options: RelightOptions) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
     // A block with its noise, as stored and as multiplied, and its sums.
-    let block_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
-    let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &matrix.options()).memory_bytes;
-    let need = ResourceEstimate {
-        fixed_bytes: PROGRAM_BYTES + image_bytes(shape) + options.beside_bytes,
-        per_thread_bytes,
-        ..ResourceEstimate::default()
-    };
+    let block = PerThread(shape.max_block_bytes() + 8 * shape.max_block_rows() as u64);
+    let need = ResourceEstimate::of(&[matrix, &block, &Held(image_bytes(shape)), &Held(options.beside_bytes)]);
     let threads = Threads::new(need.threads_within("relighting", options.memory_bytes)?)?;
     threads.run(|| Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))
 }

@@ -22,10 +22,10 @@ use crate::error::{Error, Result};
 use crate::files::folder_of;
 use crate::light::{Clusters, Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
-use crate::resources::{PROGRAM_BYTES, PeakMemory, Progress, ResourceEstimate, Threads, budget_bytes};
-use crate::scene::{self, LoadOptions, LoadedScene, Triangle};
+use crate::resources::{Held, PROGRAM_BYTES, PeakMemory, PerThread, Progress, ResourceEstimate, Threads, budget_bytes};
+use crate::scene::{self, LoadOptions, LoadedScene};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
-use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer};
+use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer, TracerMemory};
 
 /// Options of a render that do not change the entries.
 #[derive(Clone, Debug, Default)]
@@ -97,7 +97,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let stored = StoreOptions { planes: loaded.settings.samples_per_pixel > 1, ..options.store };
     let requirements = store::requirements_of(&job, &stored, wanted.clone())?;
     let mut need = tracing_need(&loaded, &job);
-    need.fixed_bytes += need.per_thread_bytes + requirements.memory_bytes;
+    need = need.and(&[&Held(need.per_thread_bytes), &Held(requirements.memory_bytes)]);
     need.disk_bytes = if options.store.reserve { requirements.disk_bytes } else { 0 };
     // A finished file with missing blocks is completed in place.
     let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
@@ -234,25 +234,7 @@ pub(crate) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
 
 /// Resources of tracing, wherever the blocks go: the scene and its photons, and a block for each thread.
 pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> ResourceEstimate {
-    let photons = Tracer::photons_need_bytes(&loaded.scene, job.shape, settings_of(loaded));
-    ResourceEstimate {
-        fixed_bytes: scene_bytes(loaded) + photons,
-        per_thread_bytes: block_need(job),
-        ..ResourceEstimate::default()
-    }
-}
-
-/// Bytes of a scene while it is traced: its arrays, its textures, and the BVH, which takes about 450 bytes for each
-/// triangle while it is built.
-fn scene_bytes(loaded: &LoadedScene) -> u64 {
-    let mesh = &loaded.scene.mesh;
-    let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.len()).sum();
-    let vertices = size_of_val(&*mesh.vertices);
-    (vertices + texels * 16 + mesh.triangles.len() * (450 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
-}
-
-/// Bytes of a thread that traces a block: the block, and the tracer's working memory.
-fn block_need(job: &Job) -> u64 {
-    let block = job.shape.max_block_rows() as u64 * job.shape.columns() as u64 * 4;
-    block + Tracer::block_needs_bytes(job.shape, Clusters::of_basis(&job.basis).count())
+    let clusters = Clusters::of_basis(&job.basis).count();
+    let tracer = TracerMemory { scene: &loaded.scene, shape: job.shape, clusters, settings: settings_of(loaded) };
+    ResourceEstimate::of(&[&tracer, &PerThread(job.shape.max_block_bytes())])
 }

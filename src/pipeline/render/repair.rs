@@ -6,10 +6,9 @@ use super::{job_of, trace_into, tracer_of, tracing_need};
 use crate::error::{Error, Hint, Result};
 use crate::files::folder_of;
 use crate::matrix::BlockId;
-use crate::pipeline::verify::reading_need;
-use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
+use crate::resources::{Held, MemoryNeed, Progress};
 use crate::scene::LoadedScene;
-use crate::store::{self, StoreReader};
+use crate::store::{self, Mending, StoreReader};
 
 /// Renders the damaged and missing blocks of a finished matrix again, in place. Returns their indices.
 ///
@@ -32,11 +31,10 @@ pub fn repair(
             Hint::SameRender,
         ));
     }
-    let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));
-    drop(reader);
+    let tracing = tracing_need(&loaded, &job);
     // One block more waits to be committed.
-    let fixed_bytes = tracing.fixed_bytes + tracing.per_thread_bytes + reading.fixed_bytes - PROGRAM_BYTES;
-    let need = ResourceEstimate { fixed_bytes, ..tracing };
+    let need = tracing.and(&[&Held(tracing.per_thread_bytes), &Held(reader.thread_bytes())]);
+    drop(reader);
     let threads = need.admit("repairing", path, &[], memory_bytes, watch)?;
     watch.begin("checking", u64::from(job.shape.block_count()), "blocks");
     let mended = store::mend(path, |_, _| {
@@ -44,7 +42,7 @@ pub fn repair(
         !watch.interrupted()
     });
     watch.end();
-    let (writer, mut broken, mut job) = mended?;
+    let Mending { writer, again: mut broken, mut job } = mended?;
     broken.sort();
     if broken.is_empty() {
         writer.finish()?;

@@ -18,7 +18,7 @@ use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, PixelRect, TracedBlock};
 use crate::resources::Progress;
-use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
+use crate::resources::{Held, PerThread, ResourceEstimate, Threads};
 use crate::store::{self, StoreOptions, StoreWriter};
 
 /// Largest number of channels in a Nuke script.
@@ -52,15 +52,9 @@ pub fn unpack_to_store(
     let origin = Some(source.fingerprint()?);
     let store = StoreOptions { overwrite: options.overwrite, origin, ..Default::default() };
     let requirements = store::requirements(&job, &store);
-    let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
-    let per_thread_bytes = block_bytes + requirements.memory_bytes + source.reading_bytes();
-    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes();
-    let need = ResourceEstimate {
-        fixed_bytes,
-        per_thread_bytes,
-        disk_bytes: requirements.disk_bytes,
-        ..ResourceEstimate::default()
-    };
+    let writing = PerThread(job.shape.max_block_bytes() + requirements.memory_bytes);
+    let memory = ResourceEstimate::of(&[&Held(source.fixed_bytes()), &PerThread(source.reading_bytes()), &writing]);
+    let need = ResourceEstimate { disk_bytes: requirements.disk_bytes, ..memory };
     let threads =
         Threads::new(need.admit("unpacking", path, &[&store::partial_path(path)], options.memory_bytes, watch)?)?;
     let writer = StoreWriter::create_or_resume(path, &job, store)?;
@@ -236,12 +230,14 @@ fn relight_images(
     watch: &dyn Progress,
 ) -> Result<RowSpill> {
     let shape = source.job().shape;
-    let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
     let size = size_of_rect(selected.rect);
-    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(in_a_file, size);
+    let writing = Held(image::exr_rows_need_bytes(in_a_file, size));
+    let lit = PerThread(16 * shape.max_block_rows() as u64);
+    let memory =
+        ResourceEstimate::of(&[&Held(source.fixed_bytes()), &PerThread(source.reading_bytes()), &lit, &writing]);
     // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
-    let need = ResourceEstimate { fixed_bytes, per_thread_bytes, disk_bytes, ..ResourceEstimate::default() };
+    let need = ResourceEstimate { disk_bytes, ..memory };
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");

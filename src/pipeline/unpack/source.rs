@@ -4,13 +4,14 @@ use crate::container::ContainerReader;
 use crate::error::Result;
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, TracedBlock};
-use crate::store::{self, StoreReader};
+use crate::resources::MemoryNeed;
+use crate::store::StoreReader;
 
 /// Columns with their weights, ascending.
 pub type ColumnWeights = Vec<(ColumnIndex, [f32; CHANNELS])>;
 
 /// A matrix in a file, block by block.
-pub trait UnpackSource: Sync {
+pub trait UnpackSource: MemoryNeed + Sync {
     /// The job of the matrix.
     fn job(&self) -> &Job;
 
@@ -20,11 +21,10 @@ pub trait UnpackSource: Sync {
     /// The system refuses to read.
     fn fingerprint(&self) -> Result<[u8; 32]>;
 
-    /// Memory held while it is open, in bytes.
-    fn fixed_bytes(&self) -> u64;
-
     /// Upper bound of the memory for reading a block, in bytes.
-    fn reading_bytes(&self) -> u64;
+    fn reading_bytes(&self) -> u64 {
+        self.thread_bytes()
+    }
 
     /// Calls `work` for each column in `columns` (ascending) that is not black in a block, with its position there and
     /// its rows.
@@ -52,10 +52,6 @@ impl UnpackSource for ContainerReader {
 
     fn fingerprint(&self) -> Result<[u8; 32]> {
         Ok(Self::fingerprint(self))
-    }
-
-    fn fixed_bytes(&self) -> u64 {
-        self.index_bytes()
     }
 
     /// The factors of a block while they are decoded and joined.
@@ -94,14 +90,6 @@ impl UnpackSource for StoreReader {
 
     fn fingerprint(&self) -> Result<[u8; 32]> {
         Self::fingerprint(self)
-    }
-
-    fn fixed_bytes(&self) -> u64 {
-        0
-    }
-
-    fn reading_bytes(&self) -> u64 {
-        store::requirements(Self::job(self), &self.options()).memory_bytes
     }
 
     fn visit(&self, id: BlockId, columns: &[ColumnIndex], work: &mut dyn FnMut(usize, &[f32])) -> Result<()> {

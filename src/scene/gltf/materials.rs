@@ -201,7 +201,7 @@ impl<'a> Stated<'a> {
         let glass = self.transmission >= 0.5;
         let coat = self.clear_coat[0] > 0.0;
         let differ = match (base, emissive) {
-            (Some(b), Some(e)) => placement(b)? != placement(e)?,
+            (Some(b), Some(e)) => Placement::of(b)? != Placement::of(e)?,
             _ => false,
         };
         let mut without_image = false;
@@ -371,13 +371,27 @@ pub(super) struct Mapping {
     offset: Vec2,
 }
 
-/// Set, offset, rotation and scale of a texture.
-fn placement(info: &JsonItem<'_>) -> Result<(usize, [f32; 2], f32, [f32; 2])> {
-    let set = info.whole("texCoord")?.unwrap_or(0);
-    let Some(stated) = info.extension("KHR_texture_transform")? else { return Ok((set, [0.0; 2], 0.0, [1.0; 2])) };
-    let offset = stated.numbers("offset")?.unwrap_or([0.0; 2]);
-    let scale = stated.numbers("scale")?.unwrap_or([1.0; 2]);
-    Ok((stated.whole("texCoord")?.unwrap_or(set), offset, stated.number("rotation")?.unwrap_or(0.0), scale))
+/// How a texture lies on a surface.
+#[derive(PartialEq)]
+struct Placement {
+    /// Index of the set of texture coordinates.
+    set: usize,
+    offset: [f32; 2],
+    rotation: f32,
+    scale: [f32; 2],
+}
+
+impl Placement {
+    fn of(info: &JsonItem<'_>) -> Result<Self> {
+        let set = info.whole("texCoord")?.unwrap_or(0);
+        let Some(stated) = info.extension("KHR_texture_transform")? else {
+            return Ok(Self { set, offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2] });
+        };
+        let offset = stated.numbers("offset")?.unwrap_or([0.0; 2]);
+        let scale = stated.numbers("scale")?.unwrap_or([1.0; 2]);
+        let set = stated.whole("texCoord")?.unwrap_or(set);
+        Ok(Self { set, offset, rotation: stated.number("rotation")?.unwrap_or(0.0), scale })
+    }
 }
 
 impl Mapping {
@@ -387,7 +401,7 @@ impl Mapping {
         let Some(info) = stated.base_texture.or(stated.emission_texture) else {
             return Ok(Self { set: 0, is_used: false, repeats: true, matrix: Mat2::IDENTITY, offset: Vec2::ZERO });
         };
-        let (set, offset, rotation, scale) = placement(&info)?;
+        let Placement { set, offset, rotation, scale } = Placement::of(&info)?;
         let index = info.index("index", "textures")?.ok_or_else(|| info.refuse("index", "is missing"))?;
         let mut repeats = true;
         if let Some(sampler) = tree.item("textures", index)?.index("sampler", "samplers")? {

@@ -95,17 +95,26 @@ impl Through {
     }
 }
 
-/// The look of a material on surfaces of this shape, how opaque it is, and which rule made it so.
-pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> (MtlLook, f32, Through) {
+/// What a material looks like on surfaces of some shape.
+pub(in super::super) struct ShownLook {
+    pub(in super::super) look: MtlLook,
+    pub(in super::super) opacity: f32,
+    /// Which rule made it so.
+    pub(in super::super) through: Through,
+}
+
+/// The look of a material on surfaces of this shape.
+pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> ShownLook {
     let opacity = source.opacity();
-    let opaque = |rule| (plain_look(source, opaque_illumination(source)), 1.0, rule);
+    let shown = |look, through| ShownLook { look, opacity: 1.0, through };
+    let opaque = |rule| shown(plain_look(source, opaque_illumination(source)), rule);
     let stated = || {
         let look = plain_look(source, source.illumination);
         let is_sheet = look.kind == SurfaceEntry::ThinDielectric;
         match source.writer {
             Writer::Maya => opaque(Through::Stated),
             _ if is_sheet && look.ior == 1.0 && look.transmittance == Vec3::ONE => opaque(Through::Unseen),
-            _ => (look, 1.0, Through::Stated),
+            _ => shown(look, Through::Stated),
         }
     };
     let filtered =
@@ -117,8 +126,7 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> (
         return opaque(Through::Unseen);
     }
     if share > MAX_GLASS_OPACITY || !evidence.is_glass() {
-        let (look, _, _) = opaque(Through::Share);
-        return (look, share, Through::Share);
+        return ShownLook { opacity: share, ..opaque(Through::Share) };
     }
     let ior = source.ior.filter(|ior| (MIN_GLASS_IOR..=*IORS.end()).contains(ior));
     let passed = match source.writer {
@@ -130,7 +138,7 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> (
     if let Some(ior) = ior.filter(|_| shape.is_solid() && !evidence.is_lamp) {
         look.kind = SurfaceEntry::Dielectric;
         (look.ior, look.transmittance) = (ior, passed.map(f32::sqrt));
-        return (look, 1.0, Through::Body);
+        return shown(look, Through::Body);
     }
     look.kind = SurfaceEntry::ThinDielectric;
     (look.ior, look.transmittance) = (ior.unwrap_or(USUAL_IOR), passed);
@@ -138,7 +146,7 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> (
         // Each face reflects once, where a sheet stands for two.
         (look.ior, look.transmittance) = (ior_of_sheet(normal_reflectance(look.ior)), passed.map(f32::sqrt));
     }
-    (look, 1.0, Through::Pane)
+    shown(look, Through::Pane)
 }
 
 /// Evidence that a transparent material is glass.
@@ -285,7 +293,7 @@ mod tests {
                 specular: Some(Vec3::splat(0.5)),
                 ..Default::default()
             };
-            look_of(&source, MaterialShape::Sheet).2
+            look_of(&source, MaterialShape::Sheet).through
         };
         for glass in [
             "cabinetPane",

@@ -15,7 +15,7 @@ use glam::Vec3;
 use super::lines::{LineError, Lines, text_of, without_comment};
 use crate::error::{Error, Result, Warnings};
 pub(super) use dialect::Writer;
-pub(super) use look::{MtlLook, Through, look_of};
+pub(super) use look::{MtlLook, ShownLook, Through, look_of};
 pub(super) use maps::MtlMap;
 pub(super) use shape::{MaterialShape, SHAPE_BYTES, shape_of};
 

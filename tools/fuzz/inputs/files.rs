@@ -7,6 +7,7 @@ use std::path::Path;
 use ltm::image::{ImageSize, LightSet, LinearImage, image_facts, read_rgba, write_exr, write_exr_rows, write_npy};
 use ltm::light::{Light, LightBasis, LightKind};
 use ltm::look;
+use ltm::resources::MemoryNeed;
 
 use crate::limit::within;
 
@@ -385,7 +386,7 @@ fn lights(bytes: &[u8], folder: &Path, name: &str) -> bool {
                 return false;
             }
         };
-        let needed = set.needs_bytes() + set.needs_bytes_per_thread() * rayon::current_num_threads() as u64;
+        let needed = set.fixed_bytes() + set.thread_bytes() * rayon::current_num_threads() as u64;
         if needed > MEMORY {
             return false;
         }

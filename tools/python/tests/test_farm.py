@@ -219,6 +219,7 @@ needs_slurm = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
 
 
 @needs_slurm
+@pytest.mark.xdist_group("slurm")
 def test_slurm_runs_the_array(room: Path, slurm, tmp_path: Path):
     plan, shards, out = room / "room.plan.json", tmp_path / "shards", tmp_path / "room.ltc"
     missing = run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--list=array").stdout.strip()
@@ -229,6 +230,7 @@ def test_slurm_runs_the_array(room: Path, slurm, tmp_path: Path):
 
 
 @needs_slurm
+@pytest.mark.xdist_group("slurm")
 def test_the_command_line_has_slurm_start_workers(room: Path, slurm, tmp_path: Path, monkeypatch):
     pytest.importorskip("dask_jobqueue", reason="no dask-jobqueue here")
     monkeypatch.chdir(tmp_path)

@@ -54,16 +54,20 @@ pub(super) const OIDN: Python = Python { package: "pyoidn", variable: "LTM_OIDN"
 ///
 /// Errors: files that cannot be written; a script that fails, with its last line.
 pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path) -> Result<Vec<LinearImage>> {
-    Ok(denoise_timed(images, surfaces, folder)?.0)
+    Ok(denoise_timed(images, surfaces, folder)?.images)
 }
 
-/// [`denoise`], and the seconds that one image took, by the clock and by the processors', without Python and files; of several, without
-/// the first.
-pub(super) fn denoise_timed(
-    images: &[LinearImage],
-    surfaces: &Surfaces,
-    folder: &Path,
-) -> Result<(Vec<LinearImage>, f64, f64)> {
+/// What a denoiser made.
+pub(super) struct TimedImages {
+    pub(super) images: Vec<LinearImage>,
+    /// Seconds that one image took, without Python and files; of several, without the first.
+    pub(super) secs: f64,
+    /// Likewise, of CPU time.
+    pub(super) cpu_secs: f64,
+}
+
+/// [`denoise`], and the time that it took.
+pub(super) fn denoise_timed(images: &[LinearImage], surfaces: &Surfaces, folder: &Path) -> Result<TimedImages> {
     fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     let (width, height) = (surfaces.albedo.width, surfaces.albedo.height);
     let described = json!({ "width": width, "height": height, "images": images.len() });
@@ -77,7 +81,7 @@ pub(super) fn denoise_timed(
     let printed = OIDN.run(SCRIPT, folder, &[])?;
     let mut numbers = printed.lines().last().unwrap_or_default().split_whitespace().map(str::parse);
     let mut seconds = || numbers.next().and_then(std::result::Result::ok).unwrap_or(f64::NAN);
-    let (seconds, cpu_seconds) = (seconds(), seconds());
+    let (secs, cpu_secs) = (seconds(), seconds());
     let read = |which: usize| read_f32(&folder.join(format!("clean-{which}.f32")), width, height);
-    Ok(((0..images.len()).map(read).collect::<Result<_>>()?, seconds, cpu_seconds))
+    Ok(TimedImages { images: (0..images.len()).map(read).collect::<Result<_>>()?, secs, cpu_secs })
 }

@@ -338,7 +338,8 @@ fn theirs(
         let Some(surfaces) = surfaces.filter(|_| name == mitsuba::VARIANTS[0].1) else { continue };
         // Twice: the first prepares the denoiser, which is not counted.
         let images = [rendered.image.clone(), rendered.image.clone()];
-        let (clean, secs, cpu_secs) = oidn::denoise_timed(&images, surfaces, &bench.cached("oidn"))?;
+        let oidn::TimedImages { images: clean, secs, cpu_secs } =
+            oidn::denoise_timed(&images, surfaces, &bench.cached("oidn"))?;
         ways.push(Way::again(DENOISED, rendering + Took { secs, cpu_secs }, &clean[0], all_on));
     }
     Ok(ways)

@@ -127,7 +127,8 @@ impl PlacedSun {
     pub fn put(
         before: Option<Self>,
         own: &mut LightMix,
-        (index, light): (usize, &Light),
+        index: usize,
+        light: &Light,
         texel: usize,
         stops: f32,
     ) -> Self {
@@ -225,16 +226,16 @@ mod tests {
         let texel = nearest_texel(&sky, [-1.0, 0.5, 0.0]);
         assert_eq!(texel, 1);
         let mut own = LightMix::of_scene(&sky);
-        let first = PlacedSun::put(None, &mut own, (0, &sky), texel, 1.0);
+        let first = PlacedSun::put(None, &mut own, 0, &sky, texel, 1.0);
         // Twice the sky's ten over its own two.
         assert_eq!(own.pattern.as_ref().unwrap().texels(), [[1.0; 3], [11.0; 3], [1.0; 3], [1.0; 3]]);
         assert_eq!(first.texel(0, &own), Some(1));
-        let second = PlacedSun::put(Some(first.clone()), &mut own, (0, &sky), 0, 0.0);
+        let second = PlacedSun::put(Some(first.clone()), &mut own, 0, &sky, 0, 0.0);
         assert_eq!(own.pattern.as_ref().unwrap().texels(), [[11.0; 3], [1.0; 3], [1.0; 3], [1.0; 3]]);
         // What was painted meanwhile stays.
         own.pattern.as_mut().unwrap().texels_mut()[3] = [0.0; 3];
         assert_eq!(second.texel(0, &own), None);
-        PlacedSun::put(Some(second), &mut own, (0, &sky), 1, 0.0);
+        PlacedSun::put(Some(second), &mut own, 0, &sky, 1, 0.0);
         assert_eq!(own.pattern.as_ref().unwrap().texels()[3], [0.0; 3]);
     }
 

@@ -79,7 +79,7 @@ impl PatternEditorState {
 
     /// Puts the sun onto a texel of a sky.
     pub(super) fn put_sun(&mut self, own: &mut LightMix, index: usize, light: &Light, texel: usize) {
-        self.sun = Some(PlacedSun::put(self.sun.take(), own, (index, light), texel, self.sun_stops));
+        self.sun = Some(PlacedSun::put(self.sun.take(), own, index, light, texel, self.sun_stops));
     }
 
     /// Ends a stroke of the brush.

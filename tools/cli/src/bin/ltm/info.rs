@@ -12,7 +12,7 @@ use ltm::light::{Job, Light, LightBasis};
 use ltm::light::{column_name, denoise_errors_line, expected_error_line, exposed_error_line, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::pipeline::open_container;
-use ltm::resources::{hold_to_memory, human_bytes, parse_bytes};
+use ltm::resources::{MemoryNeed, hold_to_memory, human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::console::Console;
@@ -66,7 +66,7 @@ pub(crate) fn run(options: &Info, console: &Console) -> Result<()> {
             let container = open_container(path)?;
             let map_bytes = options.rank_map.as_ref().map_or(0, |_| container.shape().rows() * MAP_BYTES_PER_VALUE);
             let listed_bytes = if options.json { u64::from(container.shape().block_count()) * LISTED_BYTES } else { 0 };
-            let bytes = container.index_bytes() + map_bytes.max(listed_bytes);
+            let bytes = container.fixed_bytes() + map_bytes.max(listed_bytes);
             hold_to_memory("looking into the container", bytes, options.memory)?;
             let figures = Figures::of(&container);
             if let Some(map) = &options.rank_map {

@@ -9,7 +9,7 @@ use ltm::container::ContainerReader;
 use ltm::error_estimate::{ErrorMonitor, expected_error};
 use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};
-use ltm::resources::{Progress, human_bytes, parse_bytes};
+use ltm::resources::{MemoryNeed, Progress, human_bytes, parse_bytes};
 use ltm::sample_budget::{RenderTo, StopRule, choose_samples, parse_error, parse_seconds};
 use ltm::store::{Precision, StoreReader};
 
@@ -130,7 +130,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
         },
         ..Default::default()
     };
-    let held = promise.as_ref().map_or(0, |promise| promise.needs_bytes());
+    let held = promise.as_ref().map_or(0, |promise| promise.fixed_bytes());
     let memory_bytes = options.memory.map(|bytes| bytes.saturating_sub(held));
     let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes };
     let report = pipeline::render(loaded, &output, &render, console)?;
