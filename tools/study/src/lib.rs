@@ -8,6 +8,7 @@ mod ablation;
 mod bench;
 mod chart;
 mod codecs;
+mod corpus;
 pub mod curve;
 mod dct;
 mod equal;
@@ -38,6 +39,7 @@ mod rivals;
 mod scaling;
 mod shared;
 mod speed;
+mod spots;
 mod svd;
 mod table;
 mod timing;
@@ -49,6 +51,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
+pub use corpus::CorpusOptions;
 pub use measured::{Measured, Summary};
 
 use bench::Bench;
@@ -77,6 +80,8 @@ pub enum Study {
     Lamp,
     /// Relit images as one sees them, beside a denoiser's.
     Picture,
+    /// Scenes that others made, beside a denoiser's.
+    Corpus,
     /// Samples and seconds that the raw matrix takes to be as near to the truth as packed images.
     Equal,
     /// Arrays of another renderer at equal bytes.
@@ -100,6 +105,8 @@ pub struct StudyOptions {
     pub out: PathBuf,
     /// Tiny images and few samples: for continuous integration, not for conclusions.
     pub quick: bool,
+    /// What the study of a corpus measures.
+    pub corpus: CorpusOptions,
 }
 
 /// What a study wrote.
@@ -113,7 +120,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -125,6 +132,7 @@ impl Study {
         Self::Noise,
         Self::Lamp,
         Self::Picture,
+        Self::Corpus,
         Self::Equal,
         Self::Imports,
         Self::Example,
@@ -145,6 +153,7 @@ impl Study {
             Self::Noise => "noise",
             Self::Lamp => "lamp",
             Self::Picture => "picture",
+            Self::Corpus => "corpus",
             Self::Equal => "equal",
             Self::Imports => "imports",
             Self::Example => "example",
@@ -174,6 +183,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> R
             Study::Noise => noise::run(&bench)?,
             Study::Lamp => lamp::run(&bench)?,
             Study::Picture => picture::run(&bench)?,
+            Study::Corpus => corpus::run(&bench)?,
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
             Study::Example => example::run(&bench)?,

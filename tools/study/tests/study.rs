@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ltm::resources::NoProgress;
-use ltm_study::{self, Study, StudyOptions};
+use ltm_study::{self, CorpusOptions, Study, StudyOptions};
 use tables::{Row, read_table};
 
 /// The table of a study, which names the command that made it.
@@ -29,7 +29,7 @@ fn of<'a>(rows: &'a [Row], name: &str, value: &str) -> impl Iterator<Item = &'a 
 fn every_study_writes_what_it_says_and_its_claims_hold() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_owned();
-    let options = StudyOptions { out: out.clone(), quick: true };
+    let options = StudyOptions { out: out.clone(), quick: true, corpus: CorpusOptions::default() };
     let report = ltm_study::run(&Study::ALL, &options, &NoProgress).unwrap();
     for file in &report.files {
         let bytes = fs::metadata(file).unwrap().len();
