@@ -26,7 +26,7 @@ use ltm::light::{Job, Light, Lighting};
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
-use ltm::scene::{self, BuiltIn, LoadedScene};
+use ltm::scene::{self, BuiltIn, LoadOptions, LoadedScene};
 use ltm::store::StoreReader;
 
 /// The variable of the environment that names the folder.
@@ -232,7 +232,8 @@ fn scene_file(folder: &Path) -> Option<PathBuf> {
 fn matrix(bench: &Bench<'_>, entry: &Entry, (samples, seed): (u32, u64)) -> Result<(StoreReader, Took)> {
     let (width, height) = size(bench);
     let loaded = match &entry.file {
-        Some(file) => scene::load(file)?,
+        // Some name textures of their makers' disks.
+        Some(file) => scene::load_with(file, LoadOptions { allow_missing: true, ..LoadOptions::default() })?,
         None => BuiltIn { width, height, texels: 4 }.named(&entry.name)?,
     };
     let mut loaded: LoadedScene = loaded.sized(width, height);
@@ -350,7 +351,7 @@ fn rivals(
 ) -> Result<Vec<Rival>> {
     let (matrix, took) = matrix(bench, entry, (samples, 0))?;
     let lightings: Vec<Lighting> = shown.iter().map(|shown| shown.lighting.clone()).collect();
-    let options = PackOptions { allow_lost_lights: true, ..PackOptions::default() };
+    let options = PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() };
     let clock = Clock::start();
     let ours = packed(bench, &matrix, options, &lightings)?;
     let mut rivals = vec![Rival { method: OURS, bytes: Some(ours.bytes), took: clock.stop(), images: ours.images }];

@@ -40,7 +40,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
             _ => assert!(fs::read_to_string(file).unwrap().contains("|---|")),
         }
     }
-    for name in ["fig5", "fig6", "fig7", "fig9", "ablation", "rank", "noise", "picture", "speed", "scaling"] {
+    for name in ["fig5", "fig6", "fig7", "fig9", "ablation", "rank", "noise", "picture", "corpus", "speed", "scaling"] {
         let named = |file: &Path| file.file_name().unwrap().to_string_lossy().starts_with(name);
         assert!(report.files.iter().any(|file| named(file) && file.extension().is_some_and(|e| e == "png")), "{name}");
     }
@@ -128,6 +128,20 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     }
     assert!(measured("ours", "seams") < measured("ours without cleaning", "seams"), "{picture:?}");
     assert_eq!(read_csv(&out.join("picture-lightings.csv")).len(), 12 * picture.len());
+
+    // The first scene by name chooses, the second judges; each lighting of each method has a row of its own.
+    let corpus = read_csv(&out.join("corpus.csv"));
+    for (scene, half) in [("diffuse", "chooses"), ("mixed", "judges")] {
+        let rows: Vec<&Row> = of(&corpus, "scene", scene).collect();
+        assert!(rows.len() >= 2 && rows.iter().all(|row| row["half"] == half), "{rows:?}");
+        let measured = |method: &str, name: &str| {
+            number(rows.iter().find(|row| row["method"] == method).expect(method), name)
+        };
+        assert!(measured("ours", "flip") < measured("raw matrix", "flip"), "{rows:?}");
+        assert!(measured("ours", "spots_permille") < measured("raw matrix", "spots_permille"), "{rows:?}");
+    }
+    let each: f64 = corpus.iter().map(|row| number(row, "lightings")).sum();
+    assert_eq!(read_csv(&out.join("corpus-lightings.csv")).len() as f64, each);
 
     packed_images_are_as_near_as_raw_ones_of_more_samples(&out);
 
