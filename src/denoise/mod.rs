@@ -32,6 +32,7 @@ mod guide_statistics;
 mod guides;
 mod image_rows;
 mod kernel;
+mod outliers;
 mod per_image_filter;
 mod pixel_tile;
 mod row_stages;
@@ -40,7 +41,7 @@ mod surfaces;
 mod upsample_columns;
 
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
-pub const DENOISER_VERSION: u32 = 18;
+pub const DENOISER_VERSION: u32 = 19;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;

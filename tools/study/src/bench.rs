@@ -74,7 +74,8 @@ pub(super) struct Wanted {
 
 impl<'a> Bench<'a> {
     pub(super) fn new(study: &'static str, options: &StudyOptions, watch: &'a dyn Progress) -> Result<Self> {
-        let bench = Self { out: options.out.clone(), quick: options.quick, watch, corpus: options.corpus.clone(), study };
+        let bench =
+            Self { out: options.out.clone(), quick: options.quick, watch, corpus: options.corpus.clone(), study };
         bench.start_cache()?;
         Ok(bench)
     }

@@ -129,20 +129,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(measured("ours", "seams") < measured("ours without cleaning", "seams"), "{picture:?}");
     assert_eq!(read_csv(&out.join("picture-lightings.csv")).len(), 12 * picture.len());
 
-    // The first scene by name chooses, the second judges; each lighting of each method has a row of its own.
-    let corpus = read_csv(&out.join("corpus.csv"));
-    for (scene, half) in [("diffuse", "chooses"), ("mixed", "judges")] {
-        let rows: Vec<&Row> = of(&corpus, "scene", scene).collect();
-        assert!(rows.len() >= 2 && rows.iter().all(|row| row["half"] == half), "{rows:?}");
-        let measured = |method: &str, name: &str| {
-            number(rows.iter().find(|row| row["method"] == method).expect(method), name)
-        };
-        assert!(measured("ours", "flip") < measured("raw matrix", "flip"), "{rows:?}");
-        assert!(measured("ours", "spots_permille") < measured("raw matrix", "spots_permille"), "{rows:?}");
-    }
-    let each: f64 = corpus.iter().map(|row| number(row, "lightings")).sum();
-    assert_eq!(read_csv(&out.join("corpus-lightings.csv")).len() as f64, each);
-
+    every_second_scene_judges(&out);
     packed_images_are_as_near_as_raw_ones_of_more_samples(&out);
 
     // Lights of an array are better served where their images say which are alike than where they stand at one place.
@@ -157,6 +144,21 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(!before.is_empty());
     ltm_study::run(&[Study::Rank], &options, &NoProgress).unwrap();
     assert_eq!(matrices(&out.join("cache")), before);
+}
+
+/// Each lighting of each method has a row of its own.
+fn every_second_scene_judges(out: &Path) {
+    let corpus = read_csv(&out.join("corpus.csv"));
+    for (scene, half) in [("diffuse", "chooses"), ("mixed", "judges")] {
+        let rows: Vec<&Row> = of(&corpus, "scene", scene).collect();
+        assert!(rows.len() >= 2 && rows.iter().all(|row| row["half"] == half), "{rows:?}");
+        let measured =
+            |method: &str, name: &str| number(rows.iter().find(|row| row["method"] == method).expect(method), name);
+        assert!(measured("ours", "flip") < measured("raw matrix", "flip"), "{rows:?}");
+        assert!(measured("ours", "spots_permille") < measured("raw matrix", "spots_permille"), "{rows:?}");
+    }
+    let each: f64 = corpus.iter().map(|row| number(row, "lightings")).sum();
+    assert_eq!(read_csv(&out.join("corpus-lightings.csv")).len() as f64, each);
 }
 
 /// Of how many more lies between two numbers of samples that were measured.
