@@ -6,6 +6,8 @@ mod bsdf;
 mod bvh;
 #[path = "transport/caustics.rs"]
 mod caustics;
+#[path = "transport/guiding.rs"]
+mod guiding;
 #[path = "transport/layers.rs"]
 mod layers;
 #[path = "transport/light.rs"]

@@ -156,10 +156,11 @@ impl DenoiseInputs {
             return Ok(0);
         }
         let work = make(id, block)?;
-        let planes = block.planes.take().ok_or_else(|| {
+        let mut planes = block.planes.take().ok_or_else(|| {
             let problem = "its samples were not kept apart, so it cannot be denoised";
             Error::input(id.to_string(), problem, Hint::PackWithoutDenoising)
         })?;
+        super::outliers::spread(&mut planes, rect.width as usize);
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let contrasts = self.contrasts_of(id, block, &planes.emission);
         let gathered = BlockInputs { planes, tiles, contrasts };

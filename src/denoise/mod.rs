@@ -4,6 +4,7 @@
 //! The image is worked on from the top down. Light straight from emitters (direct) and all other light (indirect) are
 //! filtered separately, each divided by the albedo:
 //!
+//! 0. Light that one half of a pixel's samples has and nothing around it has is spread over its surface (`outliers`).
 //! 1. A few *guides*, mixtures of the cluster images by principal components ([`GuideStatistics`]), are filtered first.
 //! 2. Each pixel of every image becomes the value of a local linear fit to its neighbours. Weights come from features
 //!    (normal, albedo, inverse depth on the plane of the surface, shares) and from the filtered guides, relative to the
@@ -32,6 +33,7 @@ mod guide_statistics;
 mod guides;
 mod image_rows;
 mod kernel;
+mod outliers;
 mod per_image_filter;
 mod pixel_tile;
 mod row_stages;
@@ -40,7 +42,7 @@ mod surfaces;
 mod upsample_columns;
 
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
-pub const DENOISER_VERSION: u32 = 18;
+pub const DENOISER_VERSION: u32 = 19;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;

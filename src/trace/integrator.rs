@@ -16,6 +16,7 @@ use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
+use super::guiding::{self, Guide, Guided};
 use super::lights::{EmitterHit, LightPmf, SeenLight};
 use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
@@ -25,7 +26,7 @@ use super::world::{MAX_PASSES, World};
 use crate::scene::{Camera, PixelFilter};
 
 /// Light samples at the first non-specular vertex; later vertices take one each. More samples and splitting of paths
-/// were rejected (decision 7), path guiding as well (decision 8).
+/// were rejected (decision 7), learnt path guiding as well (decision 8).
 const FIRST_LIGHT_SAMPLES: u32 = 4;
 
 /// Vertices that a path has before Russian roulette begins.
@@ -55,6 +56,7 @@ pub(super) struct PathCost {
 pub(super) struct Paths<'a> {
     pub(super) world: &'a World,
     pub(super) photons: Option<&'a Photons>,
+    pub(super) guide: Option<&'a Guide>,
     /// Longest path in segments.
     pub(super) max_depth: u32,
 }
@@ -68,8 +70,35 @@ struct Last {
     pdf: Option<f32>,
     cosine: f32,
     light_samples: f32,
+    /// Probability that a guided ray leaves the vertex too.
+    guided: f32,
     /// How photons were gathered at the last surface with more than single directions.
     gathered: Option<GatheredWithin>,
+}
+
+/// Where a path begins: at the camera, or at a vertex of another path, which a guided ray leaves.
+struct Begin {
+    ray: PathRay,
+    throughput: Vec3,
+    eta_scale: f32,
+    layer: LightPath,
+    /// The vertex that the first ray leaves; the eye.
+    last: Last,
+    /// Share of the emission that the first ray shows: that which a guided ray finds is left to the path that it leaves.
+    seen: f32,
+    vertex: u32,
+}
+
+/// A vertex of a path that a guided ray may leave.
+struct Fork<'a> {
+    at: &'a PathVertex,
+    throughput: Vec3,
+    eta_scale: f32,
+    layer: LightPath,
+    light_samples: f32,
+    /// Radius in which photons were gathered.
+    radius: Option<f32>,
+    vertex: u32,
 }
 
 /// A light sample of several.
@@ -80,10 +109,22 @@ struct LightDraw {
 }
 
 impl Last {
+    /// The weight of a path's own ray beside the guided ray that may have left the vertex too.
+    #[inline(always)]
+    fn weight_beside_guided(&mut self, guide: Option<&Guide>, direction: Vec3, found: &PathVertex) -> f32 {
+        let chance = std::mem::take(&mut self.guided);
+        match (guide, self.pdf) {
+            (Some(guide), Some(pdf)) if chance > 0.0 => {
+                guide.weight((self.position, self.normal), chance, pdf, direction, found.point.position)
+            }
+            _ => 1.0,
+        }
+    }
+
     /// The start of a ray that no light sample could have made.
     #[inline(always)]
     fn only(position: Vec3, normal: Vec3) -> Self {
-        Self { position, normal, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None }
+        Self { position, normal, pdf: None, cosine: 0.0, light_samples: 0.0, guided: 0.0, gathered: None }
     }
 }
 
@@ -187,8 +228,16 @@ pub(super) fn trace_sample(
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
-    let ray = PathRay { origin: camera.eye, direction: camera.direction(position) };
-    paths.follow(ray, maps, sampler, &mut record);
+    let begin = Begin {
+        ray: PathRay { origin: camera.eye, direction: camera.direction(position) },
+        throughput: Vec3::ONE,
+        eta_scale: 1.0,
+        layer: LightPath::Emission,
+        last: Last::only(camera.eye, camera.direction(position)),
+        seen: 1.0,
+        vertex: 0,
+    };
+    paths.follow(begin, paths.guide, maps, sampler, &mut record);
     if let Some(planes) = record.planes {
         planes.add_features(&record.features);
     }
@@ -196,21 +245,32 @@ pub(super) fn trace_sample(
 }
 
 impl Paths<'_> {
-    /// Traces a path from a camera ray. `maps` are the photon maps for the first non-specular vertex and for later
-    /// ones.
+    /// Traces a path. `maps` are the photon maps for the first non-specular vertex and for later ones. Guided rays leave
+    /// it where `guide` is given.
     #[inline(always)]
-    fn follow(&self, ray: PathRay, maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
-        let (world, PathRay { mut origin, mut direction }) = (self.world, ray);
-        let (mut throughput, mut eta_scale) = (Vec3::ONE, 1.0);
-        let mut last = Last::only(origin, direction);
+    fn follow(
+        &self,
+        begin: Begin,
+        guide: Option<&Guide>,
+        maps: [u32; 2],
+        sampler: &Sampler,
+        record: &mut PathRecord<'_, '_>,
+    ) {
+        let (world, PathRay { mut origin, mut direction }) = (self.world, begin.ray);
+        let (mut throughput, mut eta_scale) = (begin.throughput, begin.eta_scale);
+        let mut last = begin.last;
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
-        let mut layer = LightPath::Emission;
+        let mut layer = begin.layer;
         // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
-        let mut seen = 1.0;
-        let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MAX_FORKS);
+        let mut seen = begin.seen;
+        let (mut vertex, mut passes, mut travelled, mut forks) = (begin.vertex, 0, 0.0, MAX_FORKS);
+        let is_branch = begin.seen == 0.0;
         loop {
-            let ray = PathRay { origin, direction };
-            let Some(at) = self.arrive(ray, &last, layer, throughput * seen, record) else { return };
+            let Some(at) = self.arrive(PathRay { origin, direction }, &last, layer, throughput * seen, record) else { return };
+            throughput *= last.weight_beside_guided(guide, direction, &at);
+            if is_branch {
+                seen = 1.0;
+            }
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
@@ -260,6 +320,9 @@ impl Paths<'_> {
                 seen *= 1.0 - chance;
             }
 
+            let light_samples = light_samples as f32;
+            let here = Fork { at: &at, throughput, eta_scale, layer, light_samples, radius, vertex };
+            let guided = guide.map_or(0.0, |guide| self.send_guided(guide, here, maps, sampler, record));
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Dimension::Scatter, vertex), choice.x) else { return };
             throughput *= next.weight;
             eta_scale *= next.eta_scale;
@@ -285,28 +348,47 @@ impl Paths<'_> {
                     LightPath::Direct | LightPath::Indirect => layer = LightPath::Indirect,
                 }
             }
-            let spread = || next.pdf / direction.dot(at.normal).abs();
-            last = Last {
-                position: at.point.position,
-                normal: at.frame.z,
-                pdf: (!next.singular).then_some(next.pdf),
-                cosine: next.wi.z,
-                light_samples: light_samples as f32,
-                gathered: if next.singular {
-                    last.gathered
-                } else {
-                    radius.map(|radius| GatheredWithin { radius, spread: spread() })
-                },
+            last = if next.singular {
+                Last { gathered: last.gathered, ..Last::only(at.point.position, at.frame.z) }
+            } else {
+                Last { guided, ..at.left_along(direction, (next.pdf, next.wi.z), light_samples, radius) }
             };
             vertex += 1;
-            if vertex >= CERTAIN_VERTICES {
-                let survival = survival(throughput, eta_scale);
+            if vertex >= CERTAIN_VERTICES || is_branch {
+                let boost = if is_branch { guiding::SURVIVAL } else { 1.0 };
+                let survival = survival(boost * throughput, eta_scale);
                 if choice.y >= survival {
                     return;
                 }
                 throughput /= survival;
             }
         }
+    }
+
+    /// Sends a guided ray from a diffuse vertex, perhaps, and follows a path from where it arrives. Returns the probability
+    /// that it is sent.
+    fn send_guided(
+        &self,
+        guide: &Guide,
+        from: Fork<'_>,
+        maps: [u32; 2],
+        sampler: &Sampler,
+        record: &mut PathRecord<'_, '_>,
+    ) -> f32 {
+        let Fork { at, throughput, eta_scale, layer, light_samples, radius, vertex } = from;
+        if !Guide::serves(&at.bsdf) {
+            return 0.0;
+        }
+        let chance = if layer == LightPath::Direct { guiding::FIRST } else { guiding::LATER };
+        let sampler = sampler.branch(vertex);
+        if let Some(sent) = guide.sample(self.world, at, chance, sampler, &mut record.cost.rays) {
+            let Guided { origin, direction, pdf, weight } = sent;
+            let last = at.left_along(direction, (pdf, at.frame.z.dot(direction)), light_samples, radius);
+            let (ray, throughput) = (PathRay { origin, direction }, throughput * weight);
+            let begin = Begin { ray, throughput, eta_scale, layer, last, seen: 0.0, vertex: vertex + 1 };
+            self.follow(begin, None, maps, &sampler, record);
+        }
+        chance
     }
 
     /// Finds the next vertex, and adds the emission there, or that of distant lights, to a layer with the path's
@@ -494,6 +576,15 @@ impl PathVertex {
         let at = PhotonGather { map, position, normal, radius, most_segments };
         photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
         radius
+    }
+
+    /// This vertex as the last of a path that leaves it along a direction with a density and a cosine.
+    #[inline(always)]
+    fn left_along(&self, direction: Vec3, (pdf, cosine): (f32, f32), light_samples: f32, radius: Option<f32>) -> Last {
+        let spread = || pdf / direction.dot(self.normal).abs();
+        let gathered = radius.map(|radius| GatheredWithin { radius, spread: spread() });
+        let (position, normal) = (self.point.position, self.frame.z);
+        Last { position, normal, pdf: Some(pdf), cosine, light_samples, guided: 0.0, gathered }
     }
 
     /// The ray of a scattered direction of a path that came along `direction`. `None` if it does not leave the surface.

@@ -38,6 +38,11 @@ impl Sampler {
         Self { key: mix(mix(seed ^ 0x6c74_6d00).wrapping_add(pixel << 1 | half)), index: sample >> 1 }
     }
 
+    /// Other random numbers, for a path that leaves this one at a vertex.
+    pub(super) fn branch(&self, vertex: u32) -> Self {
+        Self { key: mix(self.key ^ u64::from(vertex + 1).wrapping_mul(0xd1b5_4a32_d192_ed03)), index: self.index }
+    }
+
     /// The pair for `purpose` at vertex `vertex` of the path.
     #[inline(always)]
     pub(super) fn pair(&self, purpose: Dimension, vertex: u32) -> Vec2 {

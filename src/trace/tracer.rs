@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::TraceSettings;
 use super::accumulator::{NoiseSums, PixelMeans, PixelSums, RUN, Run, interleave};
 use super::bvh::Bvh;
+use super::guiding::Guide;
 use super::integrator::{Paths, trace_sample};
 use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
 use super::planes::{self, PlaneSums};
@@ -36,6 +37,8 @@ pub struct BlockStats {
 #[derive(Debug)]
 pub struct Tracer {
     world: World,
+    /// `None` if no lamp has a surface close by.
+    guide: Option<Guide>,
     /// `None` if they are disabled, or if no mirror and no glass reflects light to a surface.
     photons: Option<Photons>,
     photon_cost: PhotonCost,
@@ -91,8 +94,10 @@ impl Tracer {
         let clusters = Clusters::of_basis(&scene.basis);
         let world = World::new(scene)?;
         let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings, sending, MAP_BYTES)?;
+        let guide = Guide::of(&world);
         Ok(Self {
             world,
+            guide,
             photons,
             photon_cost,
             wants_photons: true,
@@ -113,14 +118,16 @@ impl Tracer {
     /// A scene whose parts do not match each other, lights without area.
     pub fn measure_column_scales(scene: impl Into<Arc<Scene>>, max_depth: u32) -> Result<Vec<f32>> {
         let world = World::new(scene.into())?;
-        Ok(scales::measure(&Paths { world: &world, photons: None, max_depth }))
+        let guide = Guide::of(&world);
+        Ok(scales::measure(&Paths { world: &world, photons: None, guide: guide.as_ref(), max_depth }))
     }
 
     /// The same tracer with noise and cluster light divided by the scales of columns
     /// ([`crate::light::LightBasis::column_scales`]), which it estimates from a few paths.
     #[must_use]
     pub fn with_column_scales(mut self) -> Self {
-        let paths = Paths { world: &self.world, photons: None, max_depth: self.settings.max_depth };
+        let (guide, max_depth) = (self.guide.as_ref(), self.settings.max_depth);
+        let paths = Paths { world: &self.world, photons: None, guide, max_depth };
         self.column_scales = scales::measure(&paths);
         self.column_factors = self.column_scales.iter().map(|scale| scale.recip()).collect();
         self
@@ -136,6 +143,18 @@ impl Tracer {
     #[must_use]
     pub fn without_photons(self) -> Self {
         Self { photons: None, photon_cost: PhotonCost::default(), wants_photons: false, ..self }
+    }
+
+    /// The same tracer whose paths are not guided to surfaces close to lamps: an independent estimate of the same image,
+    /// with more noise where lamps stand in shades.
+    #[must_use]
+    pub fn without_guiding(self) -> Self {
+        Self { guide: None, ..self }
+    }
+
+    /// Whether paths are guided to surfaces close to lamps.
+    pub fn is_guided(&self) -> bool {
+        self.guide.is_some()
     }
 
     /// Number of photons stored; 0 if no light reaches a surface by mirrors and smooth glass.
@@ -275,9 +294,9 @@ impl pulp::NullaryFnOnce for Pixel<'_, '_> {
     fn call(mut self) {
         let (tracer, (x, y)) = (self.tracer, self.at);
         let key = u64::from(y) * u64::from(tracer.shape.width()) + u64::from(x);
-        let (world, photons) = (&tracer.world, tracer.photons.as_ref());
+        let (world, photons, guide) = (&tracer.world, tracer.photons.as_ref(), tracer.guide.as_ref());
         let TraceSettings { samples_per_pixel, seed, max_depth } = tracer.settings;
-        let paths = Paths { world, photons, max_depth };
+        let paths = Paths { world, photons, guide, max_depth };
         for sample in 0..samples_per_pixel {
             let sampler = Sampler::new(seed, key, sample);
             let cost = trace_sample(&paths, self.at, sample, &sampler, self.sums, self.planes.as_deref_mut());

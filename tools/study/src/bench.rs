@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{StudyOptions, machine};
+use super::{CorpusOptions, StudyOptions, machine};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::pipeline::{self, RenderOptions, job_of};
@@ -57,6 +57,7 @@ pub(super) struct Bench<'a> {
     pub(super) out: PathBuf,
     pub(super) quick: bool,
     pub(super) watch: &'a dyn Progress,
+    pub(super) corpus: CorpusOptions,
     study: &'static str,
 }
 
@@ -73,7 +74,8 @@ pub(super) struct Wanted {
 
 impl<'a> Bench<'a> {
     pub(super) fn new(study: &'static str, options: &StudyOptions, watch: &'a dyn Progress) -> Result<Self> {
-        let bench = Self { out: options.out.clone(), quick: options.quick, watch, study };
+        let bench =
+            Self { out: options.out.clone(), quick: options.quick, watch, corpus: options.corpus.clone(), study };
         bench.start_cache()?;
         Ok(bench)
     }
@@ -110,7 +112,7 @@ impl<'a> Bench<'a> {
         self.rendered(&format!("{light}-alone-{}", wanted.file_name()), wanted.applied_to(loaded))
     }
 
-    /// The matrix of a scene, in this file of the cache.
+    /// A loaded scene's matrix, rendered now or by an earlier study with the same tracer.
     pub(super) fn rendered(&self, name: &str, loaded: LoadedScene) -> Result<StoreReader> {
         self.stop_if_interrupted()?;
         let path = self.cached(name);

@@ -4,12 +4,13 @@ use super::StudyReport;
 use super::bench::{Bench, CLASSROOM, CONFERENCE_CORNER, CONFERENCE_LAMPS, CONFERENCE_PANEL, Wanted};
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
+use super::reference::alone;
 use super::rivals::packed;
 use super::table::Table;
 use super::visual_metrics::Seen;
-use ltm::error::{Error, Result};
+use ltm::error::Result;
 use ltm::image::LinearImage;
-use ltm::light::{Job, Lighting};
+use ltm::light::Lighting;
 use ltm::matrix::BlockSource;
 use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
@@ -163,15 +164,6 @@ fn measure(
         bench.watch.advance(1, shape.raw_bytes(), "B");
     }
     Ok(pictures)
-}
-
-/// The lighting of a scene of which all lights are off but this one.
-fn alone(job: &Job, name: &str) -> Result<Lighting> {
-    let (basis, scene) = (&job.basis, &job.provenance.source);
-    let light = basis.find(name).ok_or_else(|| Error::input(scene, format!("has no light '{name}'"), ""))?;
-    let columns = light.columns();
-    let weights = basis.scene_weights().into_iter().enumerate();
-    Lighting::new(weights.map(|(j, weight)| if columns.contains(&(j as u32)) { weight } else { [0.0; 3] }).collect())
 }
 
 /// Ours first, the raw matrix last.

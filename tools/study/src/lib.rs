@@ -8,6 +8,7 @@ mod ablation;
 mod bench;
 mod chart;
 mod codecs;
+mod corpus;
 pub mod curve;
 mod dct;
 mod equal;
@@ -39,6 +40,7 @@ mod rivals;
 mod scaling;
 mod shared;
 mod speed;
+mod spots;
 mod svd;
 mod table;
 mod timing;
@@ -50,6 +52,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
+pub use corpus::CorpusOptions;
 pub use measured::{Measured, Summary};
 
 use bench::Bench;
@@ -80,6 +83,8 @@ pub enum Study {
     Picture,
     /// Bytes and seconds of containers, and what is seen of packing itself.
     Packing,
+    /// Scenes that others made, beside a denoiser's.
+    Corpus,
     /// Samples and seconds that the raw matrix takes to be as near to the truth as packed images.
     Equal,
     /// Arrays of another renderer at equal bytes.
@@ -103,6 +108,8 @@ pub struct StudyOptions {
     pub out: PathBuf,
     /// Tiny images and few samples: for continuous integration, not for conclusions.
     pub quick: bool,
+    /// What the study of a corpus measures.
+    pub corpus: CorpusOptions,
 }
 
 /// What a study wrote.
@@ -116,7 +123,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -129,6 +136,7 @@ impl Study {
         Self::Lamp,
         Self::Picture,
         Self::Packing,
+        Self::Corpus,
         Self::Equal,
         Self::Imports,
         Self::Example,
@@ -150,6 +158,7 @@ impl Study {
             Self::Lamp => "lamp",
             Self::Picture => "picture",
             Self::Packing => "packing",
+            Self::Corpus => "corpus",
             Self::Equal => "equal",
             Self::Imports => "imports",
             Self::Example => "example",
@@ -180,6 +189,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> R
             Study::Lamp => lamp::run(&bench)?,
             Study::Picture => picture::run(&bench)?,
             Study::Packing => packing::run(&bench)?,
+            Study::Corpus => corpus::run(&bench)?,
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
             Study::Example => example::run(&bench)?,

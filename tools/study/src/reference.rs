@@ -1,8 +1,8 @@
 //! The lightings under which images are compared, and what the reference shows under each.
 
-use ltm::error::Result;
+use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
-use ltm::light::{LightBasis, Lighting, evaluation_lightings};
+use ltm::light::{Job, LightBasis, Lighting, evaluation_lightings};
 use ltm::matrix::BlockSource;
 use ltm::relight::relight_raw;
 use ltm::store::StoreReader;
@@ -96,6 +96,15 @@ impl Judged {
     }
 }
 
-fn norm(image: &LinearImage) -> f64 {
+pub(super) fn norm(image: &LinearImage) -> f64 {
     image.values().iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The lighting of a scene of which all lights are off but this one.
+pub(super) fn alone(job: &Job, name: &str) -> Result<Lighting> {
+    let (basis, scene) = (&job.basis, &job.provenance.source);
+    let light = basis.find(name).ok_or_else(|| Error::input(scene, format!("has no light '{name}'"), ""))?;
+    let columns = light.columns();
+    let weights = basis.scene_weights().into_iter().enumerate();
+    Lighting::new(weights.map(|(j, weight)| if columns.contains(&(j as u32)) { weight } else { [0.0; 3] }).collect())
 }

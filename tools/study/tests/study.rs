@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ltm::resources::NoProgress;
-use ltm_study::{self, Study, StudyOptions};
+use ltm_study::{self, CorpusOptions, Study, StudyOptions};
 use tables::{Row, read_table};
 
 /// The table of a study, which names the command that made it.
@@ -29,7 +29,7 @@ fn of<'a>(rows: &'a [Row], name: &str, value: &str) -> impl Iterator<Item = &'a 
 fn every_study_writes_what_it_says_and_its_claims_hold() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_owned();
-    let options = StudyOptions { out: out.clone(), quick: true };
+    let options = StudyOptions { out: out.clone(), quick: true, corpus: CorpusOptions::default() };
     let report = ltm_study::run(&Study::ALL, &options, &NoProgress).unwrap();
     for file in &report.files {
         let bytes = fs::metadata(file).unwrap().len();
@@ -40,7 +40,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
             _ => assert!(fs::read_to_string(file).unwrap().contains("|---|")),
         }
     }
-    for name in ["fig5", "fig6", "fig7", "fig9", "ablation", "rank", "noise", "picture", "speed", "scaling"] {
+    for name in ["fig5", "fig6", "fig7", "fig9", "ablation", "rank", "noise", "picture", "corpus", "speed", "scaling"] {
         let named = |file: &Path| file.file_name().unwrap().to_string_lossy().starts_with(name);
         assert!(report.files.iter().any(|file| named(file) && file.extension().is_some_and(|e| e == "png")), "{name}");
     }
@@ -135,6 +135,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(measured("ours", "seams") < measured("ours without cleaning", "seams"), "{picture:?}");
     assert_eq!(read_csv(&out.join("picture-lightings.csv")).len(), 12 * picture.len());
 
+    every_second_scene_judges(&out);
     packed_images_are_as_near_as_raw_ones_of_more_samples(&out);
 
     // Lights of an array are better served where their images say which are alike than where they stand at one place.
@@ -149,6 +150,21 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(!before.is_empty());
     ltm_study::run(&[Study::Rank], &options, &NoProgress).unwrap();
     assert_eq!(matrices(&out.join("cache")), before);
+}
+
+/// Each lighting of each method has a row of its own.
+fn every_second_scene_judges(out: &Path) {
+    let corpus = read_csv(&out.join("corpus.csv"));
+    for (scene, half) in [("diffuse", "chooses"), ("mixed", "judges")] {
+        let rows: Vec<&Row> = of(&corpus, "scene", scene).collect();
+        assert!(rows.len() >= 2 && rows.iter().all(|row| row["half"] == half), "{rows:?}");
+        let measured =
+            |method: &str, name: &str| number(rows.iter().find(|row| row["method"] == method).expect(method), name);
+        assert!(measured("ours", "flip") < measured("raw matrix", "flip"), "{rows:?}");
+        assert!(measured("ours", "spots_permille") < measured("raw matrix", "spots_permille"), "{rows:?}");
+    }
+    let each: f64 = corpus.iter().map(|row| number(row, "lightings")).sum();
+    assert_eq!(read_csv(&out.join("corpus-lightings.csv")).len() as f64, each);
 }
 
 /// Of how many more lies between two numbers of samples that were measured.
