@@ -15,7 +15,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
-use super::bsdf::{Bsdf, Scattered};
+use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
 use super::lights::{EmitterHit, LightPmf, SeenLight};
 use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
@@ -220,12 +220,12 @@ impl Paths<'_> {
             if layer == LightPath::Emission && (at.shows_no_emitter() || at_end) {
                 at.show(self.world, &mut record.features, throughput, travelled);
             }
-            if at_end && !at.bsdf.lets_pass() {
+            if at_end && !at.bsdf.lobes().has(Lobes::STRAIGHT) {
                 return;
             }
 
             let (mut light_samples, mut radius) = (0, None);
-            if at.bsdf.is_non_specular() {
+            if at.bsdf.lobes().is_non_specular() {
                 light_samples = if layer == LightPath::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
                 layer = if layer == LightPath::Emission { LightPath::Direct } else { LightPath::Indirect };
                 seen = 1.0;
@@ -384,7 +384,7 @@ impl Paths<'_> {
                 }
                 choice.x /= at.opacity;
             }
-            if at.bsdf.is_non_specular() || at_end && !at.bsdf.lets_pass() {
+            if at.bsdf.lobes().is_non_specular() || at_end && !at.bsdf.lobes().has(Lobes::STRAIGHT) {
                 return;
             }
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
@@ -429,7 +429,7 @@ impl PathVertex {
     /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
     #[inline(always)]
     fn shows_no_emitter(&self) -> bool {
-        self.bsdf.is_non_specular() || matches!(self.bsdf, Bsdf::Black)
+        self.bsdf.lobes().is_non_specular() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// The features of a sample at its first non-specular vertex.
@@ -514,7 +514,7 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
             let [x, y, z] = &gathered.towards;
             x[lane] * axis.x + y[lane] * axis.y + z[lane] * axis.z
         };
-        if let Bsdf::Lambert { reflectance } = vertex.bsdf {
+        if let Bsdf::Lambert(Lambert { reflectance }) = vertex.bsdf {
             // As `Bsdf::eval`, for all lanes at once.
             for lane in 0..LANES {
                 let z = along(vertex.frame.z, lane);

@@ -27,7 +27,7 @@ impl PathVertex {
     pub(super) fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
         let front = point.normal.dot(direction) < 0.0;
         let bsdf = world.bsdf(&point, front);
-        let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
+        let (normal, frame) = facing(&point, direction, front, bsdf.lobes().has_direction());
         let opacity = world.material(&point).opacity;
         Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
     }
@@ -51,10 +51,10 @@ impl PathVertex {
 /// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that no
 /// reflection is lost. Other surfaces get the geometric normal if theirs turns away.
 #[inline(always)]
-fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, ShadingFrame) {
+fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_direction: bool) -> (Vec3, ShadingFrame) {
     let side = if front { 1.0 } else { -1.0 };
     let (normal, shading) = (point.normal * side, point.shading_normal * side);
-    if !has_lobe {
+    if !has_direction {
         return (normal, ShadingFrame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }));
     }
     let mirrored = direction - 2.0 * shading.dot(direction) * shading;

@@ -34,7 +34,7 @@ pub(super) fn follow(
             continue;
         }
         choice.x /= at.opacity;
-        if at.bsdf.is_non_specular() {
+        if at.bsdf.lobes().is_non_specular() {
             let folded = (fold(direction), fold(at.normal));
             let rests = segments > 1 && power.is_finite();
             return rests.then_some(Photon {

@@ -1,0 +1,87 @@
+//! The reflection of rough conductors and coats, with all scattering between microfacets.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::{Vec2, Vec3};
+
+use super::energy::AlbedoRow;
+use super::fresnel::schlick;
+use super::microfacet::Ggx;
+
+/// Below this a microfacet surface is a mirror: its highlight is narrower than f32 can integrate.
+const MIN_ALPHA: f32 = 1e-3;
+
+/// GGX reflection with Schlick's Fresnel term.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gloss {
+    /// Reflectance at normal incidence.
+    pub(super) specular: Vec3,
+    alpha: f32,
+    row: &'static AlbedoRow,
+    /// Share that is reflected of light that meets several facets (Kulla and Conty 2017): `F̄² Ē / (1 − F̄ (1 − Ē))`.
+    several: Vec3,
+}
+
+/// What one direction says of a lobe.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GlossAt {
+    /// Albedo by one facet.
+    pub(super) single: Vec3,
+    /// Share of the light that meets further facets, `1 − E`.
+    pub(super) lost: f32,
+    /// Albedo by any number of facets.
+    pub(super) whole: Vec3,
+}
+
+impl Gloss {
+    #[inline(always)]
+    pub(super) fn new(specular: Vec3, alpha: f32) -> Self {
+        let alpha = alpha.max(MIN_ALPHA);
+        let row = AlbedoRow::of(alpha);
+        let (a, b) = row.mean();
+        let mean = a + b;
+        let fresnel = mean_schlick(specular);
+        let several = fresnel * fresnel * mean / (Vec3::ONE - fresnel * (1.0 - mean));
+        Self { specular, alpha, row, several }
+    }
+
+    /// The albedos at a direction's cosine.
+    #[inline(always)]
+    pub(super) fn at(&self, cosine: f32) -> GlossAt {
+        let (a, b) = self.row.at(cosine);
+        let (single, lost) = (self.specular * a + b, 1.0 - a - b);
+        GlossAt { single, lost, whole: single + self.several * lost }
+    }
+
+    /// The cosine-weighted mean of [`GlossAt::whole`].
+    #[inline(always)]
+    pub(super) fn mean(&self) -> Vec3 {
+        let (a, b) = self.row.mean();
+        self.specular * a + b + self.several * (1.0 - a - b)
+    }
+
+    /// `f cos θi` of one facet, and the density of [`Self::sample`].
+    #[inline(always)]
+    pub(super) fn single(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        let (ggx, half) = (Ggx { alpha: self.alpha }, (wo + wi).normalize());
+        (schlick(self.specular, wi.dot(half)) * ggx.reflection(wo, wi, half), ggx.reflection_pdf(wo, half))
+    }
+
+    /// `f cos θi` of several facets.
+    #[inline(always)]
+    pub(super) fn several(&self, o: &GlossAt, i: &GlossAt, cosine: f32) -> Vec3 {
+        let (a, b) = self.row.mean();
+        self.several * (o.lost * i.lost / (1.0 - a - b).max(1e-7) * FRAC_1_PI * cosine)
+    }
+
+    /// Mirrors `wo` at a visible facet.
+    #[inline(always)]
+    pub(super) fn sample(&self, wo: Vec3, pair: Vec2) -> Vec3 {
+        Ggx { alpha: self.alpha }.sample_reflection(wo, pair)
+    }
+}
+
+/// The cosine-weighted mean of Schlick's term: `∫ 2μ (F₀ + (1 − F₀)(1 − μ)⁵) dμ = F₀ + (1 − F₀)/21`.
+fn mean_schlick(specular: Vec3) -> Vec3 {
+    specular + (Vec3::ONE - specular) / 21.0
+}
