@@ -46,7 +46,7 @@ pub(super) fn read(path: &Path) -> Result<RgbaImage> {
         file.read_exact(&mut bytes).map_err(Error::io(path, "read"))?;
         header.decode_row(&bytes, row);
     }
-    Ok(RgbaImage { width: header.width as u32, height: header.height as u32, pixels, has_alpha: false })
+    Ok(RgbaImage { width: header.width as u32, height: header.height as u32, pixels, has_alpha: false, is_8_bit: false, is_encoded: false })
 }
 
 fn malformed(path: &Path, problem: String) -> Error {

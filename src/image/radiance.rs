@@ -83,7 +83,7 @@ pub(super) fn read(path: &Path, file: &mut dyn BufRead) -> Result<RgbaImage> {
             pixels[row + offset(fast, i)] = head.colour(*stored);
         }
     }
-    Ok(RgbaImage { width: width as u32, height: height as u32, pixels, has_alpha: false })
+    Ok(RgbaImage { width: width as u32, height: height as u32, pixels, has_alpha: false, is_8_bit: false, is_encoded: false })
 }
 
 fn place(path: &Path, problem: String) -> Error {

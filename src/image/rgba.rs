@@ -21,6 +21,10 @@ pub struct RgbaImage {
     pub pixels: Vec<[f32; 4]>,
     /// Whether the file has an alpha channel.
     pub has_alpha: bool,
+    /// Whether the file's values are eight bits, of colours by sRGB's curve: then no value is lost by storing these.
+    pub is_8_bit: bool,
+    /// Whether its values were decoded from sRGB's curve.
+    pub is_encoded: bool,
 }
 
 /// Properties of an image file.

@@ -33,7 +33,7 @@ pub(super) struct Panel {
 
 impl Assembly {
     pub(super) fn material(&mut self, name: &str, surface: Surface) -> MaterialId {
-        self.materials.push(Material { name: name.into(), surface, cutout: None, opacity: 1.0 });
+        self.materials.push(Material::new(name, surface));
         MaterialId(self.materials.len() as u32 - 1)
     }
 

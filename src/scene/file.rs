@@ -149,6 +149,8 @@ pub(super) struct MaterialEntry {
     pub(super) roughness: Option<f32>,
     pub(super) ior: Option<f32>,
     pub(super) transmittance: Option<[f32; 3]>,
+    pub(super) attenuation_colour: Option<[f32; 3]>,
+    pub(super) attenuation_distance: Option<f32>,
     pub(super) cutout_map: Option<String>,
     pub(super) opacity: Option<f32>,
     pub(super) emission: Option<[f32; 3]>,

@@ -40,7 +40,7 @@ impl RenderSettings {
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { samples_per_pixel: 64, seed: 0, block_side: 32, max_depth: 12 }
+        Self { samples_per_pixel: 64, seed: 0, block_side: 32, max_depth: 256 }
     }
 }
 

@@ -16,11 +16,11 @@ use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
-use super::lights::{EmitterHit, LightPmf, SeenLight};
+use super::lights::{EmitterHit, LightPmf, Receiver, SeenLight};
 use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
-use super::sampler::{Dimension, Sampler};
-use super::vertex::{PathVertex, power_heuristic};
+use super::sampler::{Dimension, KIND_DIMENSION, Sampler};
+use super::vertex::{PathRay, PathVertex, power_heuristic};
 use super::world::{MAX_PASSES, World};
 use crate::scene::{Camera, PixelFilter};
 
@@ -61,9 +61,7 @@ pub(super) struct Paths<'a> {
 
 /// The last non-specular vertex of a path, for the MIS weights of the light it finds.
 struct Last {
-    position: Vec3,
-    /// Shading normal.
-    normal: Vec3,
+    from: Receiver,
     /// Solid-angle density of the sampled direction. `None` if no light sample could have made it.
     pdf: Option<f32>,
     cosine: f32,
@@ -82,15 +80,16 @@ struct LightDraw {
 impl Last {
     /// The start of a ray that no light sample could have made.
     #[inline(always)]
-    fn only(position: Vec3, normal: Vec3) -> Self {
-        Self { position, normal, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None }
+    fn only(ray: &PathRay) -> Self {
+        let from = Receiver { position: ray.origin, normal: ray.direction, two_sided: false };
+        Self { from, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None }
     }
 }
 
 /// A delta branch: the ray that leaves a boundary along the branch that the path does not take.
 #[derive(Clone, Copy)]
 struct DeltaBranch {
-    ray: (Vec3, Vec3),
+    ray: PathRay,
     throughput: Vec3,
     /// Probability that the path would have taken this branch and all branches before it.
     share: f32,
@@ -104,11 +103,11 @@ impl DeltaBranch {
     /// Continues along one scattered direction of the surface that the branch has reached, with a share of its light.
     /// `None` if that direction does not leave the surface. At `max_depth` only straight transmission continues.
     #[inline(always)]
-    fn onward(&self, at: &PathVertex, way: &Scattered, share: f32, max_depth: u32) -> Option<Self> {
+    fn onward(&self, world: &World, at: &PathVertex, way: &Scattered, share: f32, max_depth: u32) -> Option<Self> {
         if self.vertex + 1 >= max_depth && !way.pass_through {
             return None;
         }
-        at.onward(self.ray.1, way).map(|ray| Self {
+        at.onward(world, &self.ray, way).map(|ray| Self {
             ray,
             throughput: self.throughput * way.weight,
             share: self.share * share,
@@ -121,7 +120,7 @@ impl DeltaBranch {
     /// Continues straight through the surface that it has reached, as if that were absent.
     #[inline(always)]
     fn past(self, at: &PathVertex) -> Self {
-        Self { ray: (at.point.start(self.ray.1), self.ray.1), passes: self.passes + 1, ..self }
+        Self { ray: at.past(&self.ray), passes: self.passes + 1, ..self }
     }
 
     /// Likewise, with the surface's transmittance.
@@ -179,7 +178,8 @@ pub(super) fn trace_sample(
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
-    paths.follow((camera.eye, camera.direction(position)), maps, sampler, &mut record);
+    let ray = PathRay::new(camera.eye, camera.direction(position));
+    paths.follow(ray, maps, sampler, &mut record);
     if let Some(planes) = record.planes {
         planes.add_features(&record.features);
     }
@@ -190,28 +190,30 @@ impl Paths<'_> {
     /// Traces a path from a camera ray. `maps` are the photon maps for the first non-specular vertex and for later
     /// ones.
     #[inline(always)]
-    fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
-        let (world, (mut origin, mut direction)) = (self.world, ray);
+    fn follow(&self, mut ray: PathRay, maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
+        let world = self.world;
         let (mut throughput, mut eta_scale) = (Vec3::ONE, 1.0);
-        let mut last = Last::only(origin, direction);
+        let mut last = Last::only(&ray);
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
         let mut layer = LightPath::Emission;
         // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
         let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MAX_FORKS);
         loop {
-            let Some(at) = self.arrive((origin, direction), &last, layer, throughput * seen, record) else { return };
+            let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + vertex + passes).x;
+            let Some(at) = self.arrive(&ray, kind, &last, layer, throughput * seen, record) else { return };
+            throughput *= at.kept;
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
             if layer == LightPath::Emission {
-                travelled += at.point.position.distance(origin);
+                travelled += at.point.position.distance(ray.origin);
             }
-            let here = DeltaBranch { ray: (origin, direction), throughput, share: seen, eta_scale, vertex, passes };
+            let here = DeltaBranch { ray, throughput, share: seen, eta_scale, vertex, passes };
             let shown = (layer == LightPath::Emission).then_some(here);
             if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
                 passes += 1;
-                origin = at.point.start(direction);
+                ray = at.past(&ray);
                 if passes >= MAX_PASSES {
                     return;
                 }
@@ -229,7 +231,7 @@ impl Paths<'_> {
                 light_samples = if layer == LightPath::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
                 layer = if layer == LightPath::Emission { LightPath::Direct } else { LightPath::Indirect };
                 seen = 1.0;
-                let chances = world.lights.chances(at.point.position, at.frame.z);
+                let chances = world.lights.chances(&at.receiver());
                 for member in 0..light_samples {
                     let pair = sampler.member(Dimension::Light, vertex, member, light_samples);
                     let draw = LightDraw { pair, count: light_samples };
@@ -242,7 +244,7 @@ impl Paths<'_> {
             } else if layer == LightPath::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                if let Some(branch) = here.onward(&at, &way, chance, self.max_depth) {
+                if let Some(branch) = here.onward(world, &at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(branch, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
@@ -251,8 +253,8 @@ impl Paths<'_> {
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Dimension::Scatter, vertex), choice.x) else { return };
             throughput *= next.weight;
             eta_scale *= next.eta_scale;
-            match at.onward(direction, &next) {
-                Some(ray) => (origin, direction) = ray,
+            match at.onward(world, &ray, &next) {
+                Some(onward) => ray = onward,
                 None => return,
             }
             if next.pass_through {
@@ -273,10 +275,9 @@ impl Paths<'_> {
                     LightPath::Direct | LightPath::Indirect => layer = LightPath::Indirect,
                 }
             }
-            let spread = || next.pdf / direction.dot(at.normal).abs();
+            let spread = || next.pdf / ray.direction.dot(at.normal).abs();
             last = Last {
-                position: at.point.position,
-                normal: at.frame.z,
+                from: at.receiver(),
                 pdf: (!next.singular).then_some(next.pdf),
                 cosine: next.wi.z,
                 light_samples: light_samples as f32,
@@ -302,35 +303,37 @@ impl Paths<'_> {
     #[inline(always)]
     fn arrive(
         &self,
-        (origin, direction): (Vec3, Vec3),
+        ray: &PathRay,
+        kind: impl FnOnce() -> f32,
         last: &Last,
         layer: LightPath,
         throughput: Vec3,
         record: &mut PathRecord<'_, '_>,
     ) -> Option<PathVertex> {
-        let world = self.world;
+        let (world, &PathRay { origin, direction, .. }) = (self.world, ray);
         let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
             let hit = EmitterHit::beyond(origin, direction);
-            for found in world.lights.beyond(direction, last.cosine, (last.position, last.normal)) {
+            for found in world.lights.beyond(direction, last.cosine, &last.from) {
                 let weight = self.weight_of_found(last, &found, &hit);
                 record.add(layer, found.column, throughput * found.radiance * weight);
             }
             return None;
         };
+        let at = PathVertex::new(world, point, ray, kind);
         if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
             let hit = EmitterHit {
                 position: point.position,
                 normal: point.normal,
                 uv: point.uv,
                 direction,
-                distance: point.position.distance(last.position),
+                distance: point.position.distance(last.from.position),
             };
-            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, (last.position, last.normal)) {
+            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, &last.from) {
                 let weight = self.weight_of_found(last, &found, &hit);
-                record.add(layer, found.column, throughput * found.radiance * weight);
+                record.add(layer, found.column, throughput * at.kept * found.radiance * weight);
             }
         }
-        Some(PathVertex::new(world, point, direction))
+        Some(at)
     }
 
     /// Whether a path hits a partly transparent surface, by a uniform number, which is rescaled to be uniform again.
@@ -369,10 +372,13 @@ impl Paths<'_> {
     ) {
         while branch.passes < MAX_PASSES {
             let (ray, throughput) = (branch.ray, branch.throughput * branch.share);
-            let last = Last::only(ray.0, ray.1);
-            let Some(at) = self.arrive(ray, &last, LightPath::Emission, throughput, record) else { return };
+            let dimension = DELTA_BRANCH_DIMENSION + branch.vertex + branch.passes;
+            let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + dimension).x;
+            let arrived = self.arrive(&ray, kind, &Last::only(&ray), LightPath::Emission, throughput, record);
+            let Some(at) = arrived else { return };
+            branch.throughput *= at.kept;
             let at_end = branch.vertex + 1 >= self.max_depth;
-            let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + branch.vertex + branch.passes);
+            let mut choice = sampler.pair(Dimension::Choice, dimension);
             if at.opacity < 1.0 {
                 if at.shows_no_emitter() {
                     branch = branch.through(&at);
@@ -394,12 +400,12 @@ impl Paths<'_> {
                 && chance.min(1.0 - chance) * branch.share > MIN_BRANCH_SHARE
             {
                 *forks -= 1;
-                if let Some(other) = branch.onward(&at, &way, chance, self.max_depth) {
+                if let Some(other) = branch.onward(self.world, &at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(other, forks, sampler, record);
                 }
                 kept = 1.0 - chance;
             }
-            match branch.onward(&at, &next, kept, self.max_depth) {
+            match branch.onward(self.world, &at, &next, kept, self.max_depth) {
                 Some(onward) => branch = onward,
                 None => return,
             }
@@ -453,12 +459,15 @@ impl PathVertex {
         layer: LightPath,
         record: &mut PathRecord<'_, '_>,
     ) {
-        let drawn = world.lights.sample(&world.scene, self.point.position, &self.frame, chances, pair);
+        let receiver = self.receiver();
+        let drawn = world.lights.sample(&world.scene, &receiver, &self.frame, chances, pair);
         let Some(light) = drawn else { return };
-        if light.towards.dot(self.normal) <= 0.0 {
+        let (above, wi) = (light.towards.dot(self.normal), self.frame.to_local(light.towards));
+        // Of surfaces that scatter to both sides, the normals must agree about the side.
+        if above <= 0.0 && !(receiver.two_sided && wi.z < 0.0) || above > 0.0 && wi.z <= 0.0 {
             return;
         }
-        let (value, pdf) = self.bsdf.eval(self.wo, self.frame.to_local(light.towards));
+        let (value, pdf) = self.bsdf.eval(self.wo, wi);
         let value = throughput * value * light.weight / count as f32;
         if value == Vec3::ZERO {
             return;
@@ -483,16 +492,19 @@ impl PathVertex {
     ) -> f32 {
         let (position, normal) = (self.point.position, self.normal);
         let radius = photons.radius_at(position);
-        let at = PhotonGather { map, position, normal, radius, most_segments };
+        let two_sided = self.bsdf.lobes().is_two_sided();
+        let at = PhotonGather { map, position, normal, radius, two_sided, most_segments };
         photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
         radius
     }
 
-    /// The ray of a scattered direction of a path that came along `direction`. `None` if it does not leave the surface.
+    /// The ray of a scattered direction of a path that came along `ray`. `None` if it does not leave the surface.
     #[inline(always)]
-    fn onward(&self, direction: Vec3, next: &Scattered) -> Option<(Vec3, Vec3)> {
-        let direction = if next.pass_through { direction } else { self.leaving(next)? };
-        Some((self.point.start(direction), direction))
+    fn onward(&self, world: &World, ray: &PathRay, next: &Scattered) -> Option<PathRay> {
+        if next.pass_through {
+            return Some(self.past(ray));
+        }
+        Some(self.ray(world, self.leaving(next)?))
     }
 }
 
@@ -509,6 +521,7 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
     #[inline(always)]
     fn take(&mut self, gathered: &PhotonGroup) {
         let vertex = self.vertex;
+        let two_sided = vertex.bsdf.lobes().is_two_sided();
         let (mut values, mut pdfs) = ([[0.0f32; LANES]; 3], [0.0f32; LANES]);
         let along = |axis: Vec3, lane: usize| {
             let [x, y, z] = &gathered.towards;
@@ -525,7 +538,11 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
         } else {
             for lane in (0..LANES).filter(|lane| gathered.mask >> lane & 1 == 1) {
                 let [x, y, z] = gathered.towards.map(|axis| axis[lane]);
-                let (value, pdf) = vertex.bsdf.eval(vertex.wo, vertex.frame.to_local(Vec3::new(x, y, z)));
+                let wi = vertex.frame.to_local(Vec3::new(x, y, z));
+                if (wi.z > 0.0) != (along(vertex.normal, lane) > 0.0) {
+                    continue;
+                }
+                let (value, pdf) = vertex.bsdf.eval(vertex.wo, wi);
                 pdfs[lane] = pdf;
                 (0..3).for_each(|channel| values[channel][lane] = value[channel]);
             }
@@ -533,7 +550,8 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
         // Photon cosines refer to the geometric normal, not to the shading normal.
         let (mut cosines, mut spread) = ([0.0f32; LANES], [0.0f32; LANES]);
         for lane in 0..LANES {
-            cosines[lane] = along(vertex.normal, lane);
+            let cosine = along(vertex.normal, lane);
+            cosines[lane] = if two_sided { cosine.abs() } else { cosine };
             spread[lane] = pdfs[lane] / cosines[lane];
         }
         let weights = gathered.weights(self.expected, &spread);

@@ -246,7 +246,7 @@ pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> ResourceEstimate 
 /// triangle while it is built.
 fn scene_bytes(loaded: &LoadedScene) -> u64 {
     let mesh = &loaded.scene.mesh;
-    let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.len()).sum();
+    let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.count()).sum();
     let vertices = size_of_val(&*mesh.vertices);
     (vertices + texels * 16 + mesh.triangles.len() * (450 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
 }

@@ -1,14 +1,17 @@
 //! From the description of a surface to its scattering at a point.
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
-use super::{Bsdf, Coated, Conductor, Dielectric, Lambert, Mirror, ThinDielectric};
-use crate::scene::{Surface, Texture};
+use super::{
+    Bsdf, Coated, Conductor, Dielectric, Lambert, Mirror, RoughDielectric, RoughSheet, ThinDielectric, Translucent,
+};
+use crate::scene::{Level, PrincipledSurface, Surface, Texture};
 
 impl Bsdf {
-    /// Resolves a description at texture coordinates `uv`; `front` says which side the viewer is on.
+    /// Resolves a description at texture coordinates `uv`; `front` says which side the viewer is on. `chance` is a uniform
+    /// number, by which a surface that is glass in part is glass or not.
     #[inline(always)]
-    pub fn resolve(surface: &Surface, textures: &[Texture], uv: Vec2, front: bool) -> Self {
+    pub fn resolve(surface: &Surface, textures: &[Texture], uv: Vec2, front: bool, chance: f32) -> Self {
         match *surface {
             Surface::Lambert { reflectance } => Self::Lambert(Lambert { reflectance: reflectance.at(textures, uv) }),
             Surface::Mirror { reflectance } => Self::Mirror(Mirror { reflectance: reflectance.at(textures, uv) }),
@@ -24,7 +27,43 @@ impl Bsdf {
             Surface::Coated { reflectance, specular, alpha } => {
                 Self::Coated(Coated::new(reflectance.at(textures, uv), specular, alpha))
             }
+            Surface::Principled(ref surface) => Self::of_principled(surface, textures, uv, front, chance),
             Surface::Black => Self::Black,
         }
+    }
+
+    fn of_principled(
+        surface: &PrincipledSurface,
+        textures: &[Texture],
+        uv: Vec2,
+        front: bool,
+        chance: f32,
+    ) -> Self {
+        let base = surface.base.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
+        let at = |level: Level| level.at(textures, uv).clamp(0.0, 1.0);
+        let (metal, alpha) = (at(surface.metallic), at(surface.roughness).powi(2));
+        let glass = at(surface.transmission) * (1.0 - metal);
+        if glass > 0.0 && chance < glass {
+            let ior = if front || surface.is_thin { surface.ior } else { 1.0 / surface.ior };
+            return match (surface.is_thin, alpha < PrincipledSurface::SMOOTH_GLASS) {
+                (true, true) => Self::ThinDielectric(ThinDielectric { ior, transmittance: base }),
+                (true, false) => Self::RoughSheet(RoughSheet::new(ior, base, alpha)),
+                (false, true) => Self::Dielectric(Dielectric { ior, transmittance: base }),
+                (false, false) => Self::RoughDielectric(RoughDielectric::new(ior, base, alpha)),
+            };
+        }
+        // Of what is no glass.
+        let metal = (metal / (1.0 - glass)).min(1.0);
+        let specular = surface.specular.lerp(base, metal);
+        let through = at(surface.translucency);
+        let diffuse = base * ((1.0 - metal) * (1.0 - through));
+        if through > 0.0 {
+            let colour = surface.translucent.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
+            return Self::Translucent(Translucent::new(diffuse, colour * ((1.0 - metal) * through), specular, alpha));
+        }
+        if diffuse == Vec3::ZERO {
+            return Self::Conductor(Conductor::new(specular, alpha));
+        }
+        Self::Coated(Coated::new(diffuse, specular, alpha))
     }
 }

@@ -177,6 +177,15 @@ impl LightChoice {
 }
 
 impl LightPmf {
+    /// The mean of this and another.
+    pub(super) fn mean(mut self, other: &Self) -> Self {
+        let all: [f32; MAX_WEIGHED] = std::array::from_fn(|light| 0.5 * (self.of(light) + other.of(light)));
+        if self.count <= MAX_WEIGHED {
+            (self.each, self.even) = (all, None);
+        }
+        self
+    }
+
     /// The probability of one light.
     pub(super) fn of(&self, light: usize) -> f32 {
         self.even.unwrap_or_else(|| self.each.get(light).copied().unwrap_or(0.0))

@@ -200,6 +200,8 @@ pub(super) struct PhotonGather {
     /// Geometric normal on the viewer's side.
     pub(super) normal: Vec3,
     pub(super) radius: f32,
+    /// Whether photons from the other side count as well.
+    pub(super) two_sided: bool,
     /// Largest number of segments that a photon's path may have.
     pub(super) most_segments: u32,
 }
@@ -277,6 +279,7 @@ impl Leaf {
         let mut share = [0.0; LANES];
         for lane in 0..LANES {
             let cosine = normal[0][lane] * at.normal.x + normal[1][lane] * at.normal.y + normal[2][lane] * at.normal.z;
+            let cosine = if at.two_sided { cosine.abs() } else { cosine };
             alike[lane] = u32::from(cosine > ALIKE) & u32::from(self.segments[lane] <= at.most_segments);
             share[lane] = peak * (1.0 - distances[lane] / square);
         }
@@ -538,7 +541,7 @@ mod tests {
                 let position = photon.position;
                 let at = |photons: &Photons| {
                     let (radius, mut taken) = (photons.radius_at(position), Taken::default());
-                    photons.gather(&PhotonGather { map, position, normal, radius, most_segments: 8 }, &mut taken);
+                    photons.gather(&PhotonGather { map, position, normal, radius, two_sided: false, most_segments: 8 }, &mut taken);
                     taken
                 };
                 let [held, few, none] = [&held, &few, &none].map(at);
