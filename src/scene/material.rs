@@ -186,6 +186,19 @@ impl Texels {
         (self.count() * texel) as u64
     }
 
+    /// Whether they look like normals in tangent space: blue, of length one, and no grey.
+    pub(super) fn are_normals(&self) -> bool {
+        let step = (self.count() / 4096).max(1);
+        let (mut like, mut all) = (0, 0);
+        for index in (0..self.count()).step_by(step) {
+            let [r, g, b, _] = self.at(index);
+            let length = (Vec3::new(r, g, b) * 2.0 - 1.0).length();
+            like += usize::from(b > 0.5 && (length - 1.0).abs() < 0.15 && (r - b).abs() > 0.1);
+            all += 1;
+        }
+        2 * like > all
+    }
+
     /// A texel, decoded.
     #[inline(always)]
     pub fn at(&self, index: usize) -> [f32; 4] {
@@ -273,6 +286,22 @@ impl Level {
 }
 
 impl PrincipledSurface {
+    /// A white surface that is neither metal nor glass, smooth but without a reflection.
+    pub fn opaque(ior: f32) -> Self {
+        let (white, none) = (Paint::Constant(Vec3::ONE), Level::Constant(0.0));
+        Self {
+            base: white,
+            metallic: none,
+            roughness: none,
+            specular: Vec3::ZERO,
+            transmission: none,
+            ior,
+            is_thin: true,
+            translucency: none,
+            translucent: white,
+        }
+    }
+
     /// Whether its glass may be smooth somewhere: where a texture says how rough it is, or a roughness below
     /// [`SMOOTH_GLASS`](Self::SMOOTH_GLASS).
     pub fn may_be_smooth(&self) -> bool {

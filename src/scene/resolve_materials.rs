@@ -27,6 +27,9 @@ const WRITTEN_GREYS: [f32; 5] = [0.8, 0.64, 0.512, 0.4096, 0.588];
 /// What a clear coat of glTF reflects at normal incidence: that of index 1.5.
 const CLEAR_COAT: f32 = 0.04;
 
+/// How high white stands above black in a map of heights, in units of its width.
+const HEIGHT: f32 = 0.01;
+
 /// Index of refraction this near to 1 means a sheet without thickness.
 const NO_REFRACTION: f32 = 1e-3;
 
@@ -201,6 +204,14 @@ impl MaterialResolver<'_> {
         // What emits is there or not.
         let (cutout, opacity_map) = if source.emission.is_some() { (holes, None) } else { (None, holes) };
         let emission_map = map(&source.emission_map, TextureUse::Emission)?;
+        let [roughness_map, metallic_map, normal_map, bump_map] = {
+            let maps = [&source.roughness_map, &source.metallic_map, &source.normal_map, &source.bump_map];
+            let mut found = [None; 4];
+            for (found, named) in found.iter_mut().zip(maps) {
+                *found = map(named, TextureUse::Numbers)?;
+            }
+            found
+        };
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
             Some(id) => Paint::Textured(id, self.beside_map(source)),
@@ -225,8 +236,24 @@ impl MaterialResolver<'_> {
             radiance = Vec3::ONE;
         }
         let opaque = if is_bent { SurfaceEntry::Coated } else { look.kind };
-        let look = SurfaceParams::of_mtl(&look, base);
-        let (absorption, relief) = (Vec3::ZERO, None);
+        let is_pbr = look.is_pbr;
+        let mut look = SurfaceParams::of_mtl(&look, base);
+        let metal = source.metallic.unwrap_or(0.0).min(1.0);
+        if is_pbr && (roughness_map.is_some() || metallic_map.is_some() || metal > 0.0) {
+            let level = |map: Option<TextureId>, stated: Option<f32>, usual: f32| match map {
+                Some(id) => Level::Textured(id, 0, stated.filter(|factor| *factor > 0.0).unwrap_or(1.0)),
+                None => Level::Constant(stated.unwrap_or(usual).clamp(0.0, 1.0)),
+            };
+            look.several = Some(PrincipledSurface {
+                base: look.reflectance,
+                metallic: level(metallic_map, source.metallic, 0.0),
+                roughness: level(roughness_map, source.roughness, 0.5),
+                specular: look.specular,
+                ..PrincipledSurface::opaque(look.ior)
+            });
+        }
+        let bump = bump_map.map(|id| self.relief_of(id, source.bump_map.as_ref().map_or(1.0, |map| map.raised)));
+        let (absorption, relief) = (Vec3::ZERO, normal_map.map(|id| Relief::Normals(id, 1.0)).or(bump));
         let beside_map = diffuse;
         Ok(UnresolvedMaterial {
             look,
@@ -240,6 +267,14 @@ impl MaterialResolver<'_> {
             radiance,
             pattern,
         })
+    }
+
+    /// What a map of `map_Bump` means: normals where it looks like them, else heights.
+    fn relief_of(&self, id: TextureId, factor: f32) -> Relief {
+        if self.textures.list[id.0 as usize].texels.are_normals() {
+            return Relief::Normals(id, factor);
+        }
+        Relief::Heights(id, HEIGHT * factor)
     }
 
     /// The colour that multiplies `map_Kd`: `Kd`, but for what programs write there without meaning it.
@@ -270,15 +305,15 @@ impl MaterialResolver<'_> {
 
     /// Says what of a material's maps is not as it is stated.
     fn note_maps(&mut self, source: &MtlMaterial) {
-        let MtlMaterial { diffuse_map, emission_map, dissolve_map, name, .. } = source;
-        let maps = || [diffuse_map, dissolve_map, emission_map].into_iter().flatten();
+        let name = &source.name;
+        let maps = || source.maps();
         if maps().any(|map| map.is_clamped) {
             self.decided.note("a map is to end at its edges (-clamp); it is repeated", name);
         }
         let first = maps().next();
         if maps().any(|map| first.is_some_and(|first| (map.scale, map.offset) != (first.scale, first.offset))) {
             self.decided.note(
-                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke",
+                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke, map_Pr",
                 name,
             );
         }
@@ -340,7 +375,7 @@ impl MaterialResolver<'_> {
 impl SurfaceParams {
     /// Converts an MTL material over this base colour.
     fn of_mtl(look: &MtlLook, base: Paint) -> Self {
-        let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance } = look;
+        let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance, is_pbr: _ } = look;
         let reflectance = reflectance.map_or(base, Paint::Constant);
         Self { kind, reflectance, specular, alpha, ior, transmittance, glass_alpha: 0.0, several: None }
     }
@@ -458,14 +493,10 @@ impl SurfaceParams {
             SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric if glass_alpha > 0.0 && ior != 1.0 => {
                 Surface::Principled(PrincipledSurface {
                     base: Paint::Constant(transmittance),
-                    metallic: Level::Constant(0.0),
                     roughness: Level::Constant(glass_alpha.sqrt()),
-                    specular: Vec3::ZERO,
                     transmission: Level::Constant(1.0),
-                    ior,
                     is_thin: kind == SurfaceEntry::ThinDielectric,
-                    translucency: Level::Constant(0.0),
-                    translucent: Paint::Constant(Vec3::ONE),
+                    ..PrincipledSurface::opaque(ior)
                 })
             }
             SurfaceEntry::Dielectric if (ior - 1.0).abs() > NO_REFRACTION => Surface::Dielectric { ior, transmittance },

@@ -355,17 +355,21 @@ mod tests {
         scene(triangles, kind, Emitter::Area(emitter))
     }
 
+    fn receiver(position: Vec3, frame: &ShadingFrame) -> Receiver {
+        Receiver { position, normal: frame.z, two_sided: false }
+    }
+
     /// The hit of a ray from `position` along `direction`: column, and density of light sampling.
     fn found(world: &World, position: Vec3, frame: &ShadingFrame, direction: Vec3) -> Option<SeenLight> {
         let lights = &world.lights;
         let Some(point) = world.intersect(position, direction, &mut 0) else {
-            return lights.beyond(direction, frame.to_local(direction).z, (position, frame.z)).next();
+            return lights.beyond(direction, frame.to_local(direction).z, &receiver(position, frame)).next();
         };
         let (position_hit, normal, uv) = (point.position, point.normal, point.uv);
         let distance = position.distance(position_hit);
         let hit = EmitterHit { position: position_hit, normal, uv, direction, distance };
         let emitter = world.scene.mesh.triangles[point.triangle as usize].emitter.unwrap_or(0);
-        lights.on_surface(&world.scene, emitter, &hit, (position, frame.z))
+        lights.on_surface(&world.scene, emitter, &hit, &receiver(position, frame))
     }
 
     /// Compares light samples, binned by direction around `axis` within `reach` radians, with the density reported to
@@ -391,13 +395,8 @@ mod tests {
         let mut strangers = 0;
         for _ in 0..draws {
             let pair = Vec2::new(random.random(), random.random());
-            let bin = match world.lights.sample(
-                &world.scene,
-                position,
-                &shading,
-                &world.lights.chances(position, shading.z),
-                pair,
-            ) {
+            let at = receiver(position, &shading);
+            let bin = match world.lights.sample(&world.scene, &at, &shading, &world.lights.chances(&at), pair) {
                 Some(sample) => {
                     let back = found(&world, position, &shading, sample.towards);
                     // At a texel's or the light's own edge, rounding may put the ray on the other side.
