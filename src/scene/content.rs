@@ -5,8 +5,8 @@ use sha2::{Digest, Sha256};
 
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
 use super::{
-    Camera, Emitter, Level, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene, Surface, Texels,
-    TextureId,
+    Camera, Emitter, Level, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene, SpotCone, Surface,
+    Texels, TextureId,
 };
 use crate::light::EnvironmentMapping;
 
@@ -244,6 +244,17 @@ impl Parts {
                 self.whole(2);
                 self.vector(*towards);
                 self.number(*angular_radius_radians);
+            }
+            PointEmitter::Ball { position, radius, cone } => {
+                self.whole(4);
+                self.vector(*position);
+                self.number(*radius);
+                self.whole(cone.is_some().into());
+                if let Some(SpotCone { direction, inner_radians, outer_radians }) = cone {
+                    self.vector(*direction);
+                    self.number(*inner_radians);
+                    self.number(*outer_radians);
+                }
             }
             PointEmitter::Ies { position, world_from_luminaire, profile } => {
                 self.whole(3);

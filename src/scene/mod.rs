@@ -47,7 +47,7 @@ mod validate;
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter};
 pub use content::content_hash;
-pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter};
+pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone};
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
 pub use material::{

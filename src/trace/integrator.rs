@@ -492,6 +492,9 @@ impl PathVertex {
     ) -> f32 {
         let (position, normal) = (self.point.position, self.normal);
         let radius = photons.radius_at(position);
+        if radius == 0.0 {
+            return radius;
+        }
         let two_sided = self.bsdf.lobes().is_two_sided();
         let at = PhotonGather { map, position, normal, radius, two_sided, most_segments };
         photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });

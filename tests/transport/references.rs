@@ -3,7 +3,7 @@
 use glam::Vec3;
 use ltm::light::{Clusters, LightKind};
 use ltm::matrix::{CHANNELS, SeenEmission, TracedBlock};
-use ltm::scene::{Emitter, Paint, PointEmitter, Scene, Surface};
+use ltm::scene::{Emitter, Level, Paint, PointEmitter, PrincipledSurface, Scene, Surface};
 use ltm::trace::Tracer;
 
 use crate::layers::planes;
@@ -68,6 +68,11 @@ fn scene(name: &str) -> Scene {
         "smooth_mirror" => ball(&mut builder, 24, mirror),
         "smooth_glossy" => ball(&mut builder, 24, glossy),
         "smooth_glass" => ball(&mut builder, 24, glass),
+        "smooth_rough_glass" => {
+            let (roughness, transmission) = (Level::Constant(0.1f32.sqrt()), Level::Constant(1.0));
+            let glass = PrincipledSurface { roughness, transmission, is_thin: false, ..PrincipledSurface::opaque(1.5) };
+            ball(&mut builder, 24, Surface::Principled(glass))
+        }
         "coarse_mirror" => ball(&mut builder, 8, mirror),
         "coarse_glossy" => ball(&mut builder, 8, glossy),
         "coarse_glass" => ball(&mut builder, 8, glass),
