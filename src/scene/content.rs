@@ -115,11 +115,13 @@ impl Parts {
             is_thin,
             translucency,
             translucent,
+            coat,
+            sheen,
         } = surface;
         [base, translucent].into_iter().for_each(|paint| self.paint(paint));
         [metallic, roughness, transmission, translucency].into_iter().for_each(|level| self.level(level));
-        self.vector(*specular);
-        self.number(*ior);
+        [*specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
+        [*ior, coat.0, coat.1, sheen.1].into_iter().for_each(|number| self.number(number));
         self.whole((*is_thin).into());
     }
 

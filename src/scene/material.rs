@@ -75,7 +75,8 @@ pub enum Relief {
 /// A surface of several kinds at once, of which textures may say where: the metallic-roughness model of glTF 2.0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PrincipledSurface {
-    /// Albedo of what is diffuse, reflectance of what is metal, colour of what is transmitted.
+    /// Albedo of what is diffuse, reflectance of what is metal, colour of what is transmitted: by a sheet, or by a body, of which each
+    /// crossing has the root.
     pub base: Paint,
     /// Share that is metal.
     pub metallic: Level,
@@ -93,6 +94,10 @@ pub struct PrincipledSurface {
     pub translucency: Level,
     /// Colour of that.
     pub translucent: Paint,
+    /// Share that a clear coat of index 1.5 covers, and its perceptual roughness.
+    pub coat: (f32, f32),
+    /// Colour of a sheen of fibres, and its perceptual roughness.
+    pub sheen: (Vec3, f32),
 }
 
 /// How a surface scatters light.
@@ -299,6 +304,8 @@ impl PrincipledSurface {
             is_thin: true,
             translucency: none,
             translucent: white,
+            coat: (0.0, 0.0),
+            sheen: (Vec3::ZERO, 0.0),
         }
     }
 

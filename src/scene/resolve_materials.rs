@@ -24,9 +24,6 @@ const NAMES_SHOWN: usize = 4;
 /// Grey values of `Kd` that programs write whatever is mapped: Blender's 0.8 at intensity 1, 0.8, 0.64, 0.512, and 3ds Max' 150 of 255.
 const WRITTEN_GREYS: [f32; 5] = [0.8, 0.64, 0.512, 0.4096, 0.588];
 
-/// What a clear coat of glTF reflects at normal incidence: that of index 1.5.
-const CLEAR_COAT: f32 = 0.04;
-
 /// How high white stands above black in a map of heights, in units of its width.
 const HEIGHT: f32 = 0.01;
 
@@ -147,25 +144,20 @@ impl MaterialResolver<'_> {
         let paint = |map: Option<TextureId>, colour: Vec3| {
             map.map_or(Paint::Constant(colour), |id| Paint::Textured(id, colour))
         };
-        let (mut roughness, metallic) = (level(mixed_map, 1, source.roughness), level(mixed_map, 2, source.metallic));
-        let mut specular = (source.specular * normal_reflectance(source.ior)).min(Vec3::ONE);
+        let specular = (source.specular * normal_reflectance(source.ior)).min(Vec3::ONE);
         let [coat, coat_roughness] = source.clear_coat.map(|v| v.min(1.0));
-        if coat > 0.0 {
-            specular = Vec3::ONE - (Vec3::ONE - specular) * (1.0 - coat * CLEAR_COAT);
-        }
-        if coat >= 0.5 && metallic.is(0.0) {
-            roughness = Level::Constant(coat_roughness);
-        }
         let several = PrincipledSurface {
             base: paint(base_map, source.base),
-            metallic,
-            roughness,
+            metallic: level(mixed_map, 2, source.metallic),
+            roughness: level(mixed_map, 1, source.roughness),
             specular,
             transmission: level(transmission_map, 0, source.transmission),
             ior: source.ior,
             is_thin: !source.is_body,
             translucency: level(translucency_map, 3, source.translucency),
             translucent: paint(translucent_map, source.translucent),
+            coat: (coat, coat_roughness),
+            sheen: (source.sheen.0.min(Vec3::ONE), source.sheen.1.min(1.0)),
         };
         let look = SurfaceParams::of_several(several);
         let (mut cutout, mut opacity, mut opacity_map) = (None, 1.0, None);
@@ -455,6 +447,9 @@ impl SurfaceParams {
     fn of_one_kind(&self, several: &PrincipledSurface) -> Option<Self> {
         let &PrincipledSurface { base, metallic, roughness, transmission, is_thin, translucency, .. } = several;
         let Level::Constant(roughness) = roughness else { return None };
+        if several.coat.0 > 0.0 || several.sheen.0 != Vec3::ZERO {
+            return None;
+        }
         let is_plain = transmission.is(0.0) && translucency.is(0.0);
         let alpha = roughness.clamp(0.0, 1.0).powi(2);
         let kind = match base {
@@ -469,7 +464,9 @@ impl SurfaceParams {
             }
             _ => return None,
         };
-        Some(Self { kind, alpha, glass_alpha: alpha, several: None, ..*self })
+        let crossed = kind == SurfaceEntry::Dielectric;
+        let transmittance = if crossed { self.transmittance.map(f32::sqrt) } else { self.transmittance };
+        Some(Self { kind, transmittance, alpha, glass_alpha: alpha, several: None, ..*self })
     }
 
     fn surface(self) -> Surface {
@@ -490,12 +487,17 @@ impl SurfaceParams {
                 Surface::RoughConductor { specular: reflectance, alpha }
             }
             SurfaceEntry::Mirror | SurfaceEntry::RoughConductor => Surface::Mirror { reflectance },
-            SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric if glass_alpha > 0.0 && ior != 1.0 => {
+            SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric
+                if glass_alpha >= PrincipledSurface::SMOOTH_GLASS && (ior - 1.0).abs() > NO_REFRACTION =>
+            {
+                let is_thin = kind == SurfaceEntry::ThinDielectric;
+                // Of a body, two crossings.
+                let colour = if is_thin { transmittance } else { transmittance * transmittance };
                 Surface::Principled(PrincipledSurface {
-                    base: Paint::Constant(transmittance),
+                    base: Paint::Constant(colour),
                     roughness: Level::Constant(glass_alpha.sqrt()),
                     transmission: Level::Constant(1.0),
-                    is_thin: kind == SurfaceEntry::ThinDielectric,
+                    is_thin,
                     ..PrincipledSurface::opaque(ior)
                 })
             }

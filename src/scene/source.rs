@@ -52,6 +52,8 @@ pub(super) struct GltfMaterial {
     pub(super) specular: Vec3,
     /// A clear coat over all: its strength and its roughness.
     pub(super) clear_coat: [f32; 2],
+    /// Colour and roughness of a sheen.
+    pub(super) sheen: (Vec3, f32),
     pub(super) transmission: f32,
     /// Red multiplies `transmission`.
     pub(super) transmission_image: SourceImage,

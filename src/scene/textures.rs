@@ -46,6 +46,8 @@ pub(super) struct Textures {
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
     missing: Vec<(PathBuf, String)>,
+    /// The same of files that refine a surface: roughness, metal, normals.
+    lacking: Vec<(PathBuf, String)>,
     /// Files whose names materials write in another way, with other upper and lower case or backslashes: as written, as found.
     respelled: Vec<(PathBuf, PathBuf)>,
     /// Files that lie elsewhere than materials write: as written, as found.
@@ -56,7 +58,7 @@ impl Textures {
     /// None yet; they and what reading them takes stay within `memory`, and their files within `reach`.
     pub(super) fn within(memory: MemoryBound, reach: FileAccess) -> Self {
         let (known, missing, respelled, moved) = (HashMap::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled, moved }
+        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, lacking: Vec::new(), respelled, moved }
     }
 
     /// The texture that a material names in a folder. First `name` as it is written is tried; then names that differ
@@ -77,7 +79,7 @@ impl Textures {
         let found = find_as_elsewhere(folder, name);
         let is_moved = found.is_none();
         let Some(found) = found.or_else(|| find_moved(folder, name)) else {
-            self.miss(written, asked_by);
+            self.miss(written, usage, asked_by);
             return Ok(None);
         };
         self.reach.admit(&found, asked_by)?;
@@ -89,9 +91,10 @@ impl Textures {
         self.get(&found, usage, warnings).map(Some)
     }
 
-    fn miss(&mut self, written: PathBuf, asked_by: &str) {
-        if self.missing.iter().all(|(path, _)| *path != written) {
-            self.missing.push((written, asked_by.to_owned()));
+    fn miss(&mut self, written: PathBuf, usage: TextureUse, asked_by: &str) {
+        let list = if usage == TextureUse::Numbers { &mut self.lacking } else { &mut self.missing };
+        if list.iter().all(|(path, _)| *path != written) {
+            list.push((written, asked_by.to_owned()));
         }
     }
 
@@ -115,6 +118,12 @@ impl Textures {
                 "textures are not where they are said to be"
             };
             warnings.push(format!("{count} {are}: {written} is read from {found}"));
+        }
+        if let Some((path, by)) = self.lacking.first() {
+            let (count, path) = (self.lacking.len(), path.display());
+            warnings.push(format!(
+                "{count} textures of roughness, metal or normals are missing and left out: the first, {path} ({by})"
+            ));
         }
         if self.missing.is_empty() {
             return Ok(());

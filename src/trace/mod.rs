@@ -36,4 +36,4 @@ pub use tracer::{BlockStats, Tracer};
 
 /// Version of the tracer's results, named by every matrix, so that blocks of two versions are never mixed. Raise it
 /// with every change of an entry.
-pub const TRACER_VERSION: u32 = 13;
+pub const TRACER_VERSION: u32 = 14;

@@ -82,6 +82,8 @@ struct Stated<'a> {
     has_glossiness_map: bool,
     clear_coat: [f32; 2],
     has_coat_maps: bool,
+    sheen: ([f32; 3], f32),
+    has_sheen_maps: bool,
     transmission: f32,
     transmission_texture: Option<JsonItem<'a>>,
     thickness: f32,
@@ -112,6 +114,8 @@ impl Default for Stated<'_> {
             has_glossiness_map: false,
             clear_coat: [0.0; 2],
             has_coat_maps: false,
+            sheen: ([0.0; 3], 0.0),
+            has_sheen_maps: false,
             transmission: 0.0,
             transmission_texture: None,
             thickness: 0.0,
@@ -166,6 +170,11 @@ impl<'a> Stated<'a> {
             stated.clear_coat = [number("clearcoatFactor")?, number("clearcoatRoughnessFactor")?];
             let maps = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
             stated.has_coat_maps = maps.iter().any(|key| coat.has(key));
+        }
+        if let Some(sheen) = item.extension("KHR_materials_sheen")? {
+            let colour = sheen.numbers("sheenColorFactor")?.unwrap_or([0.0; 3]);
+            stated.sheen = (colour, sheen.number("sheenRoughnessFactor")?.unwrap_or(0.0));
+            stated.has_sheen_maps = sheen.has("sheenColorTexture") || sheen.has("sheenRoughnessTexture");
         }
         if let Some(transmission) = item.extension("KHR_materials_transmission")? {
             stated.transmission = transmission.number("transmissionFactor")?.unwrap_or(0.0);
@@ -225,7 +234,6 @@ impl<'a> Stated<'a> {
 
     /// Properties that are left out or simplified, for messages.
     fn not_used(&self, tree: &JsonTree) -> Result<Vec<&'static str>> {
-        let coat = self.clear_coat[0] > 0.0;
         let used: Vec<_> = self.textures().into_iter().flatten().collect();
         let mut differ = false;
         let mut without_image = false;
@@ -233,15 +241,14 @@ impl<'a> Stated<'a> {
             differ |= placement(texture)? != placement(used[0])?;
             without_image |= image_of(texture, tree)?.is_none();
         }
-        let is_metal = self.metallic >= 0.5 || self.metallic_roughness_texture.is_some();
         let lines = [
             (self.has_specular_maps, "textures of the specular extension are not used"),
             (
                 self.has_glossiness_map,
                 "textures of specular colour and glossiness are not used: taken as satin lacquer",
             ),
-            (coat && is_metal, "the clear coat of metals is not used"),
             (self.has_coat_maps, "textures of clear coats are not used"),
+            (self.has_sheen_maps, "textures of sheens are not used"),
             (differ, "its textures lie differently; all lie as the first of them does (base colour, roughness, normals …)"),
             (without_image, "textures without an image are left out"),
         ];
@@ -270,6 +277,7 @@ impl TextureImages<'_> {
         let fractions =
             [r, g, b, alpha, metallic, roughness, transmission, cutoff, translucency].into_iter().chain(clear_coat);
         let numbers = fractions.chain(specular.to_array()).chain(emission.to_array()).chain(translucent);
+        let numbers = numbers.chain(stated.sheen.0).chain([stated.sheen.1]);
         if !numbers.chain(colour.to_array()).all(|v| v >= 0.0 && v.is_finite()) || distance.is_nan() {
             return Err(Error::input(place, "has a factor that is negative or not finite", "mend the material"));
         }
@@ -298,6 +306,7 @@ impl TextureImages<'_> {
             ior: if ior == 0.0 { 10.0 } else { ior },
             specular,
             clear_coat,
+            sheen: (Vec3::from(stated.sheen.0), stated.sheen.1),
             transmission,
             transmission_image: self.image(stated.transmission_texture.as_ref(), place)?,
             attenuation: stated.attenuation,

@@ -46,12 +46,19 @@ impl Coated {
     /// `f cos θi` and the density of [`Self::sample`].
     #[inline(always)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        let (single, diffuse, pdf) = self.parts(wo, wi);
+        (single + diffuse, pdf)
+    }
+
+    /// The same, of one facet of the coat apart from all else.
+    #[inline(always)]
+    pub(super) fn parts(&self, wo: Vec3, wi: Vec3) -> (Vec3, Vec3, f32) {
         let (o, i) = (self.gloss.at(wo.z), self.gloss.at(wi.z));
         let (coat, visible) = self.gloss.single(wo, wi);
         let base = self.reflectance * self.passed(&o, &i) * (FRAC_1_PI * wi.z);
         let chance = self.chance(&o);
         let pdf = chance * visible + (1.0 - chance) * FRAC_1_PI * wi.z;
-        (coat + self.gloss.several(&o, &i, wi.z) + base, pdf)
+        (coat, self.gloss.several(&o, &i, wi.z) + base, pdf)
     }
 
     #[inline(always)]

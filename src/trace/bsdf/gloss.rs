@@ -15,7 +15,9 @@ const MIN_ALPHA: f32 = 1e-3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gloss {
     /// Reflectance at normal incidence.
-    pub(super) specular: Vec3,
+    specular: Vec3,
+    /// Reflectance at grazing incidence: 1, but less below 2 % at normal incidence, which no dielectric has, and 0 at 0.
+    edge: f32,
     alpha: f32,
     row: &'static AlbedoRow,
     /// Share that is reflected of light that meets several facets (Kulla and Conty 2017): `F̄² Ē / (1 − F̄ (1 − Ē))`.
@@ -40,16 +42,18 @@ impl Gloss {
         let row = AlbedoRow::of(alpha);
         let (a, b) = row.mean();
         let mean = a + b;
-        let fresnel = mean_schlick(specular);
+        let edge = (50.0 * specular.max_element()).min(1.0);
+        // The cosine-weighted mean of Schlick's term: `∫ 2μ (F₀ + (F₁ − F₀)(1 − μ)⁵) dμ = F₀ + (F₁ − F₀)/21`.
+        let fresnel = specular + (Vec3::splat(edge) - specular) / 21.0;
         let several = fresnel * fresnel * mean / (Vec3::ONE - fresnel * (1.0 - mean));
-        Self { specular, alpha, row, several }
+        Self { specular, edge, alpha, row, several }
     }
 
     /// The albedos at a direction's cosine.
     #[inline(always)]
     pub(super) fn at(&self, cosine: f32) -> GlossAt {
         let (a, b) = self.row.at(cosine);
-        let (single, lost) = (self.specular * a + b, 1.0 - a - b);
+        let (single, lost) = (self.specular * a + self.edge * b, 1.0 - a - b);
         GlossAt { single, lost, whole: single + self.several * lost }
     }
 
@@ -57,14 +61,14 @@ impl Gloss {
     #[inline(always)]
     pub(super) fn mean(&self) -> Vec3 {
         let (a, b) = self.row.mean();
-        self.specular * a + b + self.several * (1.0 - a - b)
+        self.specular * a + self.edge * b + self.several * (1.0 - a - b)
     }
 
     /// `f cos θi` of one facet, and the density of [`Self::sample`].
     #[inline(always)]
     pub(super) fn single(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         let (ggx, half) = (Ggx { alpha: self.alpha }, (wo + wi).normalize());
-        (schlick(self.specular, wi.dot(half)) * ggx.reflection(wo, wi, half), ggx.reflection_pdf(wo, half))
+        (schlick(self.specular, self.edge, wi.dot(half)) * ggx.reflection(wo, wi, half), ggx.reflection_pdf(wo, half))
     }
 
     /// `f cos θi` of several facets.
@@ -79,9 +83,4 @@ impl Gloss {
     pub(super) fn sample(&self, wo: Vec3, pair: Vec2) -> Vec3 {
         Ggx { alpha: self.alpha }.sample_reflection(wo, pair)
     }
-}
-
-/// The cosine-weighted mean of Schlick's term: `∫ 2μ (F₀ + (1 − F₀)(1 − μ)⁵) dμ = F₀ + (1 − F₀)/21`.
-fn mean_schlick(specular: Vec3) -> Vec3 {
-    specular + (Vec3::ONE - specular) / 21.0
 }

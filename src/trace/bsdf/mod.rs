@@ -13,6 +13,7 @@ mod fresnel;
 mod glass_energy;
 mod gloss;
 mod lambert;
+mod layered;
 mod lobes;
 mod microfacet;
 mod mirror;
@@ -29,6 +30,7 @@ pub use coated::Coated;
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, ThinDielectric};
 pub use lambert::Lambert;
+pub use layered::Layered;
 pub use lobes::Lobes;
 pub use mirror::Mirror;
 pub use rough_dielectric::RoughDielectric;
@@ -54,6 +56,8 @@ pub enum Bsdf {
     RoughSheet(RoughSheet),
     /// Lambertian base under a GGX coat.
     Coated(Coated),
+    /// Base under a clear coat and a sheen.
+    Layered(Layered),
     /// Base that scatters to both sides.
     Translucent(Translucent),
     /// Absorbs everything.
@@ -107,6 +111,7 @@ impl Bsdf {
             Self::RoughDielectric(_) => RoughDielectric::LOBES,
             Self::RoughSheet(_) => RoughSheet::LOBES,
             Self::Coated(_) => Coated::LOBES,
+            Self::Layered(_) => Layered::LOBES,
             Self::Translucent(_) => Translucent::LOBES,
             Self::Black => Lobes::NONE,
         }
@@ -132,6 +137,7 @@ impl Bsdf {
             Self::Lambert(lobe) => lobe.eval(wi),
             Self::Conductor(lobe) => lobe.eval(wo, wi),
             Self::Coated(lobe) => lobe.eval(wo, wi),
+            Self::Layered(lobe) => lobe.eval(wo, wi),
             _ => nothing,
         }
     }
@@ -149,6 +155,7 @@ impl Bsdf {
             Self::Lambert(lobe) => lobe.reflectance,
             Self::Conductor(lobe) => lobe.albedo(wo.z),
             Self::Coated(lobe) => lobe.albedo(wo.z),
+            Self::Layered(lobe) => lobe.albedo(wo.z),
             Self::Translucent(lobe) => lobe.albedo(wo.z),
             Self::RoughDielectric(_) | Self::RoughSheet(_) => Vec3::ONE,
             Self::Mirror(_) | Self::Dielectric(_) | Self::ThinDielectric(_) | Self::Black => Vec3::ZERO,
@@ -168,6 +175,7 @@ impl Bsdf {
             Self::RoughDielectric(lobe) => lobe.sample(wo, pair, choice),
             Self::RoughSheet(lobe) => lobe.sample(wo, pair, choice),
             Self::Coated(lobe) => lobe.sample(wo, pair, choice),
+            Self::Layered(lobe) => lobe.sample(wo, pair, choice),
             Self::Translucent(lobe) => lobe.sample(wo, pair, choice),
             Self::Black => None,
         }

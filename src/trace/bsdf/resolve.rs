@@ -3,9 +3,12 @@
 use glam::{Vec2, Vec3};
 
 use super::{
-    Bsdf, Coated, Conductor, Dielectric, Lambert, Mirror, RoughDielectric, RoughSheet, ThinDielectric, Translucent,
+    Bsdf, Coated, Conductor, Dielectric, Lambert, Layered, Mirror, RoughDielectric, RoughSheet, ThinDielectric, Translucent,
 };
 use crate::scene::{Level, PrincipledSurface, Surface, Texture};
+
+/// An index of refraction this near to 1 bends no light.
+const NO_REFRACTION: f32 = 3e-3;
 
 impl Bsdf {
     /// Resolves a description at texture coordinates `uv`; `front` says which side the viewer is on. `chance` is a uniform
@@ -45,7 +48,11 @@ impl Bsdf {
         let glass = at(surface.transmission) * (1.0 - metal);
         if glass > 0.0 && chance < glass {
             let ior = if front || surface.is_thin { surface.ior } else { 1.0 / surface.ior };
-            return match (surface.is_thin, alpha < PrincipledSurface::SMOOTH_GLASS) {
+            // Straight on, whatever its roughness.
+            let is_smooth = alpha < PrincipledSurface::SMOOTH_GLASS || (ior - 1.0).abs() < NO_REFRACTION;
+            // Light crosses a body's surface twice.
+            let base = if surface.is_thin { base } else { base.map(f32::sqrt) };
+            return match (surface.is_thin, is_smooth) {
                 (true, true) => Self::ThinDielectric(ThinDielectric { ior, transmittance: base }),
                 (true, false) => Self::RoughSheet(RoughSheet::new(ior, base, alpha)),
                 (false, true) => Self::Dielectric(Dielectric { ior, transmittance: base }),
@@ -57,9 +64,18 @@ impl Bsdf {
         let specular = surface.specular.lerp(base, metal);
         let through = at(surface.translucency);
         let diffuse = base * ((1.0 - metal) * (1.0 - through));
+        let (coat, sheen) = (surface.coat, surface.sheen);
+        if through <= 0.0 && (coat.0 > 0.0 || sheen.0 != Vec3::ZERO) {
+            let base = Coated::new(diffuse, specular, alpha);
+            let [coat_alpha, sheen_alpha] = [coat.1, sheen.1].map(|roughness| roughness * roughness);
+            return Self::Layered(Layered::new(base, (coat.0, coat_alpha), (sheen.0, sheen_alpha)));
+        }
         if through > 0.0 {
             let colour = surface.translucent.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
             return Self::Translucent(Translucent::new(diffuse, colour * ((1.0 - metal) * through), specular, alpha));
+        }
+        if specular == Vec3::ZERO {
+            return Self::Lambert(Lambert { reflectance: diffuse });
         }
         if diffuse == Vec3::ZERO {
             return Self::Conductor(Conductor::new(specular, alpha));
