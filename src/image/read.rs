@@ -97,7 +97,7 @@ impl ImageReader {
                 check_size(path, (frame.width, frame.height))?;
                 let (width, height) = (frame.width as u32, frame.height as u32);
                 let needs_bytes = picture.needs_bytes(frame);
-                Ok(ImageFacts { width, height, needs_bytes, notes: picture.notes.clone() })
+                Ok(ImageFacts { width, height, needs_bytes, is_encoded: false, notes: picture.notes.clone() })
             }
             Self::Hdr(facts) | Self::FloatMap(facts) | Self::Other(facts) => Ok(facts.clone()),
         }
@@ -140,7 +140,7 @@ impl ImageReader {
 fn decoded_facts(path: &Path, (width, height): (u32, u32)) -> Result<ImageFacts> {
     check_size(path, (width.into(), height.into()))?;
     let needs_bytes = u64::from(width) * u64::from(height) * (RETURNED_BYTES + 16);
-    Ok(ImageFacts { width, height, needs_bytes, notes: Vec::new() })
+    Ok(ImageFacts { width, height, needs_bytes, is_encoded: true, notes: Vec::new() })
 }
 
 /// As [`image_facts`] of a PNG, JPEG or WebP file that is in memory; `name` is for messages.

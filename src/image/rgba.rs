@@ -36,6 +36,8 @@ pub struct ImageFacts {
     pub height: u32,
     /// Bytes of memory that [`read_image`](super::read_image) and [`read_rgba`](super::read_rgba) take at most, with what they return.
     pub needs_bytes: u64,
+    /// Whether its values are encoded by sRGB's curve, in eight or sixteen bits; otherwise they are floats.
+    pub is_encoded: bool,
     /// What is done to its values or chosen among them that could surprise, one line each, for people: "its EXPOSURE of 2 is
     /// divided out".
     pub notes: Vec<String>,

@@ -5,8 +5,8 @@ use sha2::{Digest, Sha256};
 
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
 use super::{
-    Camera, Emitter, Level, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene, SpotCone, Surface,
-    Texels, TextureId,
+    Camera, Emitter, FloatTexture, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene,
+    SpotCone, Surface, Texels, TextureId,
 };
 use crate::light::EnvironmentMapping;
 
@@ -94,10 +94,10 @@ impl Parts {
         self.vector(factor);
     }
 
-    fn level(&mut self, level: &Level) {
+    fn level(&mut self, level: &FloatTexture) {
         let (texture, channel, number) = match *level {
-            Level::Constant(number) => (None, 0, number),
-            Level::Textured(texture, channel, factor) => (Some(texture), channel, factor),
+            FloatTexture::Constant(number) => (None, 0, number),
+            FloatTexture::Textured(texture, channel, factor) => (Some(texture), channel, factor),
         };
         self.texture(texture);
         self.whole(channel.into());

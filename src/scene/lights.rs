@@ -402,7 +402,11 @@ impl LightBuilder<'_> {
 fn ball_radius(entry: &LightEntry, place: &str) -> Result<f32> {
     let radius = finite(entry.radius.unwrap_or(0.0), "radius", place)?;
     if radius < 0.0 {
-        return Err(Error::input(place, format!("radius {radius}"), "give a length of at least 0, in the unit of the geometry"));
+        return Err(Error::input(
+            place,
+            format!("radius {radius}"),
+            "give a length of at least 0, in the unit of the geometry",
+        ));
     }
     Ok(radius)
 }

@@ -56,7 +56,7 @@ pub enum Paint {
 
 /// A number that may vary over the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Level {
+pub enum FloatTexture {
     /// One value for the whole surface.
     Constant(f32),
     /// A channel of a texture, 0 to 3, times a factor.
@@ -79,19 +79,19 @@ pub struct PrincipledSurface {
     /// crossing has the root.
     pub base: Paint,
     /// Share that is metal.
-    pub metallic: Level,
+    pub metallic: FloatTexture,
     /// Perceptual roughness, the root of GGX α.
-    pub roughness: Level,
+    pub roughness: FloatTexture,
     /// Reflectance of what is no metal, at normal incidence.
     pub specular: Vec3,
     /// Share of what is no metal that is glass.
-    pub transmission: Level,
+    pub transmission: FloatTexture,
     /// Index of refraction of the glass.
     pub ior: f32,
     /// Whether the glass is a sheet that light passes straight, and no body.
     pub is_thin: bool,
     /// Share of what is diffuse that leaves on the other side.
-    pub translucency: Level,
+    pub translucency: FloatTexture,
     /// Colour of that.
     pub translucent: Paint,
     /// Share that a clear coat of index 1.5 covers, and its perceptual roughness.
@@ -220,8 +220,7 @@ impl Texels {
 }
 
 /// The values of sRGB's 256 codes.
-static SRGB: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|code| decode_srgb(code as f32 / 255.0)));
+static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| decode_srgb(code as f32 / 255.0)));
 
 impl Texture {
     /// Bilinear look-up of RGBA at `uv`, repeating; v points up.
@@ -272,7 +271,7 @@ impl Paint {
     }
 }
 
-impl Level {
+impl FloatTexture {
     /// The number at `uv`.
     #[inline(always)]
     pub fn at(self, textures: &[Texture], uv: Vec2) -> f32 {
@@ -293,7 +292,7 @@ impl Level {
 impl PrincipledSurface {
     /// A white surface that is neither metal nor glass, smooth but without a reflection.
     pub fn opaque(ior: f32) -> Self {
-        let (white, none) = (Paint::Constant(Vec3::ONE), Level::Constant(0.0));
+        let (white, none) = (Paint::Constant(Vec3::ONE), FloatTexture::Constant(0.0));
         Self {
             base: white,
             metallic: none,
@@ -313,8 +312,8 @@ impl PrincipledSurface {
     /// [`SMOOTH_GLASS`](Self::SMOOTH_GLASS).
     pub fn may_be_smooth(&self) -> bool {
         match self.roughness {
-            Level::Constant(roughness) => roughness * roughness < Self::SMOOTH_GLASS,
-            Level::Textured(..) => true,
+            FloatTexture::Constant(roughness) => roughness * roughness < Self::SMOOTH_GLASS,
+            FloatTexture::Textured(..) => true,
         }
     }
 
@@ -323,7 +322,7 @@ impl PrincipledSurface {
 
     /// Share of the light that meets glass at `uv`.
     pub fn glass_at(&self, textures: &[Texture], uv: Vec2) -> f32 {
-        let at = |level: Level| level.at(textures, uv).clamp(0.0, 1.0);
+        let at = |level: FloatTexture| level.at(textures, uv).clamp(0.0, 1.0);
         at(self.transmission) * (1.0 - at(self.metallic))
     }
 

@@ -50,9 +50,7 @@ pub use content::content_hash;
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone};
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
-pub use material::{
-    Level, Material, Paint, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,
-};
+pub use material::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId};
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
 pub use origin::{in_file, stated_origin};

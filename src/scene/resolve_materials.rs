@@ -13,7 +13,7 @@ use super::material::{IORS, USUAL_IOR, normal_reflectance};
 use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, Through, Writer};
 use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
-use super::{Level, Material, Paint, PrincipledSurface, Relief, Surface, TextureId};
+use super::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, TextureId};
 use crate::decimal::{list, of_f32};
 use crate::error::{Error, Result, Warnings};
 use crate::light::names::fits;
@@ -138,8 +138,8 @@ impl MaterialResolver<'_> {
         let translucency_map = map(&source.translucency_image, TextureUse::Numbers)?;
         let translucent_map = map(&source.translucent_image, TextureUse::Reflectance)?;
         let level = |map: Option<TextureId>, channel: u8, factor: f32| match map {
-            Some(id) if factor != 0.0 => Level::Textured(id, channel, factor),
-            _ => Level::Constant(factor.min(1.0)),
+            Some(id) if factor != 0.0 => FloatTexture::Textured(id, channel, factor),
+            _ => FloatTexture::Constant(factor.min(1.0)),
         };
         let paint = |map: Option<TextureId>, colour: Vec3| {
             map.map_or(Paint::Constant(colour), |id| Paint::Textured(id, colour))
@@ -233,8 +233,8 @@ impl MaterialResolver<'_> {
         let metal = source.metallic.unwrap_or(0.0).min(1.0);
         if is_pbr && (roughness_map.is_some() || metallic_map.is_some() || metal > 0.0) {
             let level = |map: Option<TextureId>, stated: Option<f32>, usual: f32| match map {
-                Some(id) => Level::Textured(id, 0, stated.filter(|factor| *factor > 0.0).unwrap_or(1.0)),
-                None => Level::Constant(stated.unwrap_or(usual).clamp(0.0, 1.0)),
+                Some(id) => FloatTexture::Textured(id, 0, stated.filter(|factor| *factor > 0.0).unwrap_or(1.0)),
+                None => FloatTexture::Constant(stated.unwrap_or(usual).clamp(0.0, 1.0)),
             };
             look.several = Some(PrincipledSurface {
                 base: look.reflectance,
@@ -379,7 +379,7 @@ impl SurfaceParams {
             Paint::Constant(colour) | Paint::Textured(_, colour) => colour,
         };
         let alpha = match roughness {
-            Level::Constant(value) | Level::Textured(_, _, value) => value.clamp(0.0, 1.0).powi(2),
+            FloatTexture::Constant(value) | FloatTexture::Textured(_, _, value) => value.clamp(0.0, 1.0).powi(2),
         };
         let kind = SurfaceEntry::Coated;
         Self { kind, reflectance: base, specular, alpha, ior, transmittance, glass_alpha: 0.0, several: Some(several) }
@@ -412,7 +412,7 @@ impl SurfaceParams {
                 return Err(Error::input(place, format!("roughness {roughness}"), "give a number from 0 to 1"));
             }
             (self.alpha, self.glass_alpha) = (roughness * roughness, roughness * roughness);
-            self.several.iter_mut().for_each(|several| several.roughness = Level::Constant(roughness));
+            self.several.iter_mut().for_each(|several| several.roughness = FloatTexture::Constant(roughness));
         }
         if let Some(ior) = entry.ior {
             if !IORS.contains(&ior) {
@@ -446,7 +446,7 @@ impl SurfaceParams {
     /// The same as one of the plain kinds, where it is one everywhere.
     fn of_one_kind(&self, several: &PrincipledSurface) -> Option<Self> {
         let &PrincipledSurface { base, metallic, roughness, transmission, is_thin, translucency, .. } = several;
-        let Level::Constant(roughness) = roughness else { return None };
+        let FloatTexture::Constant(roughness) = roughness else { return None };
         if several.coat.0 > 0.0 || several.sheen.0 != Vec3::ZERO {
             return None;
         }
@@ -495,8 +495,8 @@ impl SurfaceParams {
                 let colour = if is_thin { transmittance } else { transmittance * transmittance };
                 Surface::Principled(PrincipledSurface {
                     base: Paint::Constant(colour),
-                    roughness: Level::Constant(glass_alpha.sqrt()),
-                    transmission: Level::Constant(1.0),
+                    roughness: FloatTexture::Constant(glass_alpha.sqrt()),
+                    transmission: FloatTexture::Constant(1.0),
                     is_thin,
                     ..PrincipledSurface::opaque(ior)
                 })

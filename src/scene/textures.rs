@@ -208,14 +208,15 @@ impl Textures {
     ) -> Result<TextureId> {
         let (width, height) = (facts.width, facts.height);
         warnings.extend(facts.notes.iter().map(|note| format!("{}: {note}", path.display())));
-        let texels = u64::from(width) * u64::from(height);
-        // Eight bits a channel at least; what takes more is counted when that is known.
-        self.admit(path, 4 * texels)?;
+        // Eight bits a channel at least of what is encoded; what takes more is counted when that is known.
+        let texel = if facts.is_encoded { size_of::<[u8; 4]>() } else { size_of::<[f32; 4]>() } as u64;
+        let least = u64::from(width) * u64::from(height) * texel;
+        self.admit(path, least)?;
         self.memory.check(facts.needs_bytes, path)?;
         let image = read()?;
         let (texels, mended) = texels_of(image, usage);
         let bytes = texels.bytes();
-        self.admit(path, bytes - 4 * texels.count() as u64)?;
+        self.admit(path, bytes - least)?;
         self.memory.take(bytes, path)?;
         if bytes > LARGE_BYTES {
             let name = path.display();

@@ -14,8 +14,7 @@ impl Slopes {
     /// has no direction.
     pub(super) fn of([a, b]: [Vec3; 2], [s, t]: [Vec2; 2]) -> Option<Self> {
         let determinant = s.perp_dot(t);
-        let slopes =
-            Self { along_u: (a * t.y - b * s.y) / determinant, along_v: (b * s.x - a * t.x) / determinant };
+        let slopes = Self { along_u: (a * t.y - b * s.y) / determinant, along_v: (b * s.x - a * t.x) / determinant };
         (slopes.along_u.is_finite() && slopes.along_v.is_finite()).then_some(slopes)
     }
 

@@ -511,9 +511,9 @@ fn skins() {
 
 fn used_extension() {
     let used = changed(|json| {
-        push(json, "extensionsUsed", json!("KHR_materials_sheen"));
+        push(json, "extensionsUsed", json!("KHR_materials_iridescence"));
     });
-    as_plain_but_says(&used, "left out: KHR_materials_sheen");
+    as_plain_but_says(&used, "left out: KHR_materials_iridescence");
     // What changes no picture is not worth a line.
     as_plain(&changed(|json| {
         for name in ["EXT_mesh_features", "EXT_structural_metadata", "KHR_materials_variants", "KHR_xmp_json_ld"] {

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 use std::path::Path;
 
 use glam::Vec2;
-use ltm::scene::{Level, LoadedScene, Material, Paint, Relief, Surface};
+use ltm::scene::{FloatTexture, LoadedScene, Material, Paint, Relief, Surface};
 
 use super::Outcome::{Converted, Read, Warned};
 use super::room::{FACES, Folder, MATERIALS, VERTICES, seen};
@@ -212,11 +212,15 @@ fn maps_of_numbers() {
     let loaded = textured(text).loads(&[]);
     let grey = material(&loaded, "grey");
     let Surface::Principled(found) = grey.surface else { panic!("{:?}", grey.surface) };
-    let at = |level: Level| level.at(&loaded.scene.textures, Vec2::splat(0.5));
+    let at = |level: FloatTexture| level.at(&loaded.scene.textures, Vec2::splat(0.5));
     // 188 of 255, which is a number here.
     assert!((at(found.roughness) - 188.0 / 255.0).abs() < 1e-6 && (at(found.metallic) - 94.0 / 255.0).abs() < 1e-6);
     // Grey is a map of heights, which is even here: the floor looks as without.
-    assert!(matches!(grey.relief, Some(Relief::Heights(_, factor)) if (factor - 0.02).abs() < 1e-6), "{:?}", grey.relief);
+    assert!(
+        matches!(grey.relief, Some(Relief::Heights(_, factor)) if (factor - 0.02).abs() < 1e-6),
+        "{:?}",
+        grey.relief
+    );
     textured("newmtl grey\nKd 0.5 0.5 0.5\nillum 1\nbump wood.png\n").shows(1.0, &[]);
 }
 

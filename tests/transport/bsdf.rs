@@ -20,6 +20,10 @@ fn coated(reflectance: f32, specular: f32, alpha: f32) -> Bsdf {
     Bsdf::Coated(Coated::new(Vec3::splat(reflectance), Vec3::splat(specular), alpha))
 }
 
+fn half_metal(base: f32, alpha: f32) -> Bsdf {
+    Bsdf::Coated(Coated::mixed(Vec3::splat(base), Vec3::splat(0.04), 0.5, alpha))
+}
+
 fn rough_glass(ior: f32, alpha: f32) -> Bsdf {
     Bsdf::RoughDielectric(RoughDielectric::new(ior, Vec3::ONE, alpha))
 }
@@ -49,7 +53,7 @@ fn spread_surfaces() -> Vec<(&'static str, Bsdf, f32)> {
         ("conductor, glossy", conductor(gold, 0.15), 1.0),
         ("coated, rough", coated(0.8, 0.04, 0.4), 1.0),
         ("coated, glossy", coated(0.5, 0.2, 0.12), 1.0),
-        ("half metal", coated(0.4, 0.5, 0.5), 1.0),
+        ("half metal", half_metal(0.4, 0.5), 1.0),
         ("rough glass", rough_glass(1.5, 0.5), 1.5),
         ("rough glass from inside", rough_glass(1.0 / 1.5, 0.3), 1.0 / 1.5),
         ("rough sheet", rough_sheet(0.7, 0.4), 1.0),
@@ -147,16 +151,19 @@ fn white_surfaces_that_lose_nothing_reflect_everything() {
         let alpha = roughness * roughness;
         white.push(("conductor", conductor(Vec3::ONE, alpha)));
         white.push(("coat", coated(1.0, 0.04, alpha)));
-        white.push(("half metal", coated(1.0, 0.5, alpha)));
+        white.push(("half metal", half_metal(1.0, alpha)));
         white.push(("rough glass", rough_glass(1.5, alpha)));
         white.push(("rough glass from inside", rough_glass(1.0 / 1.5, alpha)));
         white.push(("rough water", rough_glass(1.33, alpha)));
         white.push(("rough sheet", rough_sheet(1.0, alpha)));
-        white.push(("clear coat", Bsdf::Layered(Layered::new(
-            Coated::new(Vec3::ONE, Vec3::splat(0.04), 0.5),
-            (1.0, alpha),
-            (Vec3::ZERO, 1.0),
-        ))));
+        white.push((
+            "clear coat",
+            Bsdf::Layered(Layered::new(
+                Coated::new(Vec3::ONE, Vec3::splat(0.04), 0.5),
+                (1.0, alpha),
+                (Vec3::ZERO, 1.0),
+            )),
+        ));
         white.push(("paper", translucent(0.4, 0.6, alpha)));
     }
     for (name, bsdf) in white {

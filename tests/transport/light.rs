@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::{DVec3, Mat3, Vec3};
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{CHANNELS, TracedBlock};
-use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PixelFilter, PointEmitter, SpotCone, Scene, Surface};
+use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PixelFilter, PointEmitter, Scene, SpotCone, Surface};
 use ltm::trace::BlockStats;
 
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
@@ -77,7 +77,12 @@ fn point_like_lights_light_the_floor_by_the_square_of_the_distance() {
         ("spot, missed", LightKind::Spot, spot(0.3, 0.5, Vec3::Y), 0.0),
         ("ies", LightKind::Ies, ies, cosine / d2 * (1.0 - nadir_angle / (0.5 * PI))),
         ("ball", LightKind::Point, PointEmitter::Ball { position: at, radius: 0.2, cone: None }, cosine / d2),
-        ("ball, spot", LightKind::Spot, PointEmitter::Ball { position: at, radius: 1e-3, cone: Some(cone) }, cosine / d2),
+        (
+            "ball, spot",
+            LightKind::Spot,
+            PointEmitter::Ball { position: at, radius: 1e-3, cone: Some(cone) },
+            cosine / d2,
+        ),
         ("sun", LightKind::Sun, sun(0.0), cosine),
         ("sun, disc", LightKind::Sun, sun(0.05), cosine),
     ];

@@ -3,7 +3,8 @@
 use glam::Vec3;
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::scene::{
-    AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, PointEmitter, Scene, Surface, Texels, Texture, TextureId,
+    AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, PointEmitter, Scene, Surface, Texels, Texture,
+    TextureId,
 };
 use ltm::trace::TraceSettings;
 

@@ -5,8 +5,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::{Texels, Texture};
 use super::super::obj::ObjPart;
+use super::super::{Texels, Texture};
 use super::accessors::Accessor;
 use super::buffers::Buffers;
 use crate::error::Result;

@@ -249,7 +249,10 @@ impl<'a> Stated<'a> {
             ),
             (self.has_coat_maps, "textures of clear coats are not used"),
             (self.has_sheen_maps, "textures of sheens are not used"),
-            (differ, "its textures lie differently; all lie as the first of them does (base colour, roughness, normals …)"),
+            (
+                differ,
+                "its textures lie differently; all lie as the first of them does (base colour, roughness, normals …)",
+            ),
             (without_image, "textures without an image are left out"),
         ];
         Ok(lines.into_iter().filter(|(applies, _)| *applies).map(|(_, what)| what).collect())

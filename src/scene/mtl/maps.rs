@@ -39,7 +39,8 @@ fn followers(option: &str) -> Option<Follow> {
 impl MtlMap {
     /// Reads what follows the statement's key (`-s 2 2 1 -bm 0.5 my wood.png`). None where no image is named.
     pub(super) fn parse(text: &str) -> Option<Self> {
-        let mut map = Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, raised: 1.0, is_clamped: false };
+        let mut map =
+            Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, raised: 1.0, is_clamped: false };
         let mut rest = text.trim();
         while rest.starts_with('-') {
             let Some((option, after)) = rest.split_once(char::is_whitespace) else {

@@ -59,8 +59,26 @@ struct LeftOut {
 
 /// Statements that are read. Their names are written in any case.
 const KEYS: [&str; 20] = [
-    "Kd", "Ks", "Ke", "Tf", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "map_Kd", "map_Ke", "map_d", "map_opacity", "map_Pr",
-    "map_Pm", "map_Bump", "bump", "norm",
+    "Kd",
+    "Ks",
+    "Ke",
+    "Tf",
+    "Ns",
+    "Ni",
+    "d",
+    "Tr",
+    "illum",
+    "Pr",
+    "Pm",
+    "map_Kd",
+    "map_Ke",
+    "map_d",
+    "map_opacity",
+    "map_Pr",
+    "map_Pm",
+    "map_Bump",
+    "bump",
+    "norm",
 ];
 
 /// Reads an MTL file. Statements that say nothing about light transport here are skipped.

@@ -22,6 +22,11 @@ impl Conductor {
         Self { gloss: Gloss::new(specular, alpha) }
     }
 
+    #[inline(always)]
+    pub(super) fn of(gloss: Gloss) -> Self {
+        Self { gloss }
+    }
+
     /// `f cos θi` and the density of [`Self::sample`].
     #[inline(always)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {

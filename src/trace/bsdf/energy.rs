@@ -6,7 +6,8 @@
 //! reciprocal, and a surface that reflects all at every facet reflects all.
 //!
 //! With Schlick's Fresnel term, `E` of a lobe is `F₀ a + b`: two numbers for each roughness and angle (Karis 2013, *Real
-//! shading in Unreal Engine 4*). They are integrated once by the midpoint rule over visible normals.
+//! shading in Unreal Engine 4*). They are integrated once by the midpoint rule over visible normals
+//! (decision 60).
 
 use std::sync::LazyLock;
 

@@ -49,6 +49,13 @@ impl Gloss {
         Self { specular, edge, alpha, row, several }
     }
 
+    /// The linear mix with a share of another of the same roughness.
+    #[inline(always)]
+    pub(super) fn mixed(&self, other: &Self, share: f32) -> Self {
+        let (specular, several) = (self.specular.lerp(other.specular, share), self.several.lerp(other.several, share));
+        Self { specular, several, edge: self.edge + (other.edge - self.edge) * share, ..*self }
+    }
+
     /// The albedos at a direction's cosine.
     #[inline(always)]
     pub(super) fn at(&self, cosine: f32) -> GlossAt {

@@ -3,9 +3,10 @@
 use glam::{Vec2, Vec3};
 
 use super::{
-    Bsdf, Coated, Conductor, Dielectric, Lambert, Layered, Mirror, RoughDielectric, RoughSheet, ThinDielectric, Translucent,
+    Bsdf, Coated, Conductor, Dielectric, Lambert, Layered, Mirror, RoughDielectric, RoughSheet, ThinDielectric,
+    Translucent,
 };
-use crate::scene::{Level, PrincipledSurface, Surface, Texture};
+use crate::scene::{FloatTexture, PrincipledSurface, Surface, Texture};
 
 /// An index of refraction this near to 1 bends no light.
 const NO_REFRACTION: f32 = 3e-3;
@@ -35,15 +36,9 @@ impl Bsdf {
         }
     }
 
-    fn of_principled(
-        surface: &PrincipledSurface,
-        textures: &[Texture],
-        uv: Vec2,
-        front: bool,
-        chance: f32,
-    ) -> Self {
+    fn of_principled(surface: &PrincipledSurface, textures: &[Texture], uv: Vec2, front: bool, chance: f32) -> Self {
         let base = surface.base.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
-        let at = |level: Level| level.at(textures, uv).clamp(0.0, 1.0);
+        let at = |level: FloatTexture| level.at(textures, uv).clamp(0.0, 1.0);
         let (metal, alpha) = (at(surface.metallic), at(surface.roughness).powi(2));
         let glass = at(surface.transmission) * (1.0 - metal);
         if glass > 0.0 && chance < glass {
@@ -61,25 +56,21 @@ impl Bsdf {
         }
         // Of what is no glass.
         let metal = (metal / (1.0 - glass)).min(1.0);
-        let specular = surface.specular.lerp(base, metal);
+        let mixed = Coated::mixed(base, surface.specular, metal, alpha);
         let through = at(surface.translucency);
-        let diffuse = base * ((1.0 - metal) * (1.0 - through));
-        let (coat, sheen) = (surface.coat, surface.sheen);
-        if through <= 0.0 && (coat.0 > 0.0 || sheen.0 != Vec3::ZERO) {
-            let base = Coated::new(diffuse, specular, alpha);
-            let [coat_alpha, sheen_alpha] = [coat.1, sheen.1].map(|roughness| roughness * roughness);
-            return Self::Layered(Layered::new(base, (coat.0, coat_alpha), (sheen.0, sheen_alpha)));
-        }
         if through > 0.0 {
             let colour = surface.translucent.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
-            return Self::Translucent(Translucent::new(diffuse, colour * ((1.0 - metal) * through), specular, alpha));
+            let front = mixed.with_base(base * ((1.0 - metal) * (1.0 - through)));
+            return Self::Translucent(Translucent::of(front, colour * ((1.0 - metal) * through)));
         }
-        if specular == Vec3::ZERO {
-            return Self::Lambert(Lambert { reflectance: diffuse });
+        let (coat, sheen) = (surface.coat, surface.sheen);
+        if coat.0 > 0.0 || sheen.0 != Vec3::ZERO {
+            let [coat_alpha, sheen_alpha] = [coat.1, sheen.1].map(|roughness| roughness * roughness);
+            return Self::Layered(Layered::new(mixed, (coat.0, coat_alpha), (sheen.0, sheen_alpha)));
         }
-        if diffuse == Vec3::ZERO {
-            return Self::Conductor(Conductor::new(specular, alpha));
+        if metal == 0.0 && surface.specular == Vec3::ZERO {
+            return Self::Lambert(Lambert { reflectance: base });
         }
-        Self::Coated(Coated::new(diffuse, specular, alpha))
+        mixed.bare_gloss().map_or(Self::Coated(mixed), |gloss| Self::Conductor(Conductor::of(gloss)))
     }
 }

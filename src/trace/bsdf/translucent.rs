@@ -26,7 +26,12 @@ impl Translucent {
     /// A base that reflects and transmits, under coats that reflect `specular` at normal incidence.
     #[inline(always)]
     pub fn new(reflectance: Vec3, transmittance: Vec3, specular: Vec3, alpha: f32) -> Self {
-        Self { front: Coated::new(reflectance, specular, alpha), transmittance }
+        Self::of(Coated::new(reflectance, specular, alpha), transmittance)
+    }
+
+    #[inline(always)]
+    pub(super) fn of(front: Coated, transmittance: Vec3) -> Self {
+        Self { front, transmittance }
     }
 
     /// `f cos θi` and the density of [`Self::sample`].
@@ -37,7 +42,7 @@ impl Translucent {
             return (value, (1.0 - chance) * pdf);
         }
         let cosine = FRAC_1_PI * wi.z.abs();
-        let passed = self.front.passed(&self.front.at(wo.z), &self.front.at(wi.z.abs()));
+        let passed = self.front.passed([wo.z, wi.z.abs()]);
         (self.transmittance * passed * cosine, chance * cosine)
     }
 
@@ -53,12 +58,12 @@ impl Translucent {
     }
 
     pub(super) fn albedo(&self, cosine: f32) -> Vec3 {
-        self.front.albedo(cosine) + self.transmittance * (Vec3::ONE - self.front.at(cosine).whole)
+        self.front.albedo(cosine) + self.transmittance * self.front.entered(cosine)
     }
 
     /// Probability of the other side: its share of the light.
     fn chance(&self, cosine: f32) -> f32 {
-        let there = self.transmittance * (Vec3::ONE - self.front.at(cosine).whole);
+        let there = self.transmittance * self.front.entered(cosine);
         let all = there + self.front.albedo(cosine);
         (there.element_sum() / all.element_sum().max(1e-6)).clamp(CHANCES.0, CHANCES.1)
     }

@@ -187,12 +187,7 @@ impl LightSampler {
 
     /// Emission hit by a ray that leaves the scene along `direction`. `cosine` is that of the scattering surface's
     /// shading normal.
-    pub(super) fn beyond(
-        &self,
-        direction: Vec3,
-        cosine: f32,
-        from: &Receiver,
-    ) -> impl Iterator<Item = SeenLight> + '_ {
+    pub(super) fn beyond(&self, direction: Vec3, cosine: f32, from: &Receiver) -> impl Iterator<Item = SeenLight> + '_ {
         let chances = (!self.distant.is_empty()).then(|| self.chances(from));
         let sky = environment_pdf(from, cosine);
         self.distant.iter().filter_map(move |&i| {
@@ -200,12 +195,9 @@ impl LightSampler {
             let mut found = match source {
                 Source::Area(_) => return None,
                 Source::Point(light) => light.found(direction)?,
-                Source::Environment(light) => SeenLight {
-                    source: 0,
-                    column: environment_column(light, direction),
-                    radiance: Vec3::ONE,
-                    pdf: sky,
-                },
+                Source::Environment(light) => {
+                    SeenLight { source: 0, column: environment_column(light, direction), radiance: Vec3::ONE, pdf: sky }
+                }
             };
             found.source = i;
             found.column += first_column;

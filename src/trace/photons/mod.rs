@@ -559,7 +559,10 @@ mod tests {
                 let position = photon.position;
                 let at = |photons: &Photons| {
                     let (radius, mut taken) = (photons.radius_at(position), Taken::default());
-                    photons.gather(&PhotonGather { map, position, normal, radius, two_sided: false, most_segments: 8 }, &mut taken);
+                    photons.gather(
+                        &PhotonGather { map, position, normal, radius, two_sided: false, most_segments: 8 },
+                        &mut taken,
+                    );
                     taken
                 };
                 let [held, few, none] = [&held, &few, &none].map(at);

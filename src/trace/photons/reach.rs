@@ -13,7 +13,7 @@ use crate::scene::bounds;
 /// Cells along the longest side.
 const CELLS: f32 = 64.0;
 
-/// Weight of a photon on a Lambertian surface from which on it is gathered.
+/// Weight of a photon on a Lambertian surface from which on it is gathered. Decision 62.
 pub(super) const MIN_WEIGHT: f32 = 0.05;
 
 /// The cells, one bit each.
