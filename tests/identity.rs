@@ -14,11 +14,11 @@ use ltm::trace::{TRACER_VERSION, TraceSettings, Tracer};
 use sha2::{Digest, Sha256};
 
 /// Version of the tracer, and the checksum of what it makes of the rooms below.
-const TRACED: (u32, &str) = (14, "b5e0601c0bc8213d");
+const TRACED: (u32, &str) = (14, "81ebed51c5657a30");
 /// Version of the compressor, and for each block of the rooms the rank and the number of single entries that it keeps. They change
 /// with what is traced as well.
 const KEPT: (u32, &[(usize, usize)]) =
-    (4, &[(2, 9), (3, 229), (1, 0), (1, 0), (2, 0), (1, 0), (11, 190), (3, 289), (3, 0), (5, 0), (6, 0), (2, 0)]);
+    (4, &[(2, 9), (3, 229), (1, 0), (1, 0), (2, 0), (1, 0), (11, 190), (3, 289), (3, 0), (5, 0), (5, 0), (2, 0)]);
 /// Version of the compressor, and the checksum of the bytes that given factors are encoded to.
 const ENCODED: (u32, &str) = (4, "248ea0a512b1e80b");
 

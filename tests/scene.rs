@@ -11,6 +11,8 @@ mod glb;
 mod gltf;
 #[path = "scene/gltf_bad.rs"]
 mod gltf_bad;
+#[path = "scene/gltf_materials.rs"]
+mod gltf_materials;
 #[path = "scene/gltf_reference.rs"]
 mod gltf_reference;
 #[path = "scene/gltf_samples.rs"]
@@ -77,7 +79,12 @@ fn trial(name: &str, test: fn()) -> Trial {
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials: Vec<Trial> = Vec::new();
-    let of_gltf = gltf::TESTS.iter().chain(gltf_bad::TESTS).chain(gltf_sky::TESTS).chain(gltf_reference::TESTS);
+    let of_gltf = gltf::TESTS
+        .iter()
+        .chain(gltf_materials::TESTS)
+        .chain(gltf_bad::TESTS)
+        .chain(gltf_sky::TESTS)
+        .chain(gltf_reference::TESTS);
     for (name, test) in files::TESTS.iter().chain(bad::TESTS).chain(of_gltf) {
         trials.push(trial(name, *test));
     }

@@ -18,6 +18,8 @@ mod references;
 mod scenes;
 #[path = "transport/statistics.rs"]
 mod statistics;
+#[path = "transport/surfaces.rs"]
+mod surfaces;
 #[path = "transport/textures.rs"]
 mod textures;
 #[path = "transport/z_test.rs"]

@@ -31,7 +31,7 @@ pub(super) fn facts(path: &Path) -> Result<ImageFacts> {
     let unit = header.scale.abs();
     let is_scaled = unit != 1.0;
     let notes = is_scaled.then(|| format!("its scale of {unit} is left alone: the values are taken as they stand"));
-    Ok(ImageFacts { width, height, needs_bytes, notes: notes.into_iter().collect() })
+    Ok(ImageFacts { width, height, needs_bytes, is_encoded: false, notes: notes.into_iter().collect() })
 }
 
 /// Reads a portable float map (`PF` or `Pf`), whose rows run from the bottom up.
@@ -46,7 +46,14 @@ pub(super) fn read(path: &Path) -> Result<RgbaImage> {
         file.read_exact(&mut bytes).map_err(Error::io(path, "read"))?;
         header.decode_row(&bytes, row);
     }
-    Ok(RgbaImage { width: header.width as u32, height: header.height as u32, pixels, has_alpha: false })
+    Ok(RgbaImage {
+        width: header.width as u32,
+        height: header.height as u32,
+        pixels,
+        has_alpha: false,
+        is_8_bit: false,
+        is_encoded: false,
+    })
 }
 
 fn malformed(path: &Path, problem: String) -> Error {

@@ -53,7 +53,7 @@ pub(super) fn facts(path: &Path, file: &mut dyn BufRead) -> Result<ImageFacts> {
     let [width, height] = head.size();
     check_size(path, (width as u64, height as u64))?;
     let needs_bytes = (width * height) as u64 * RETURNED_BYTES + 4 * width.max(height) as u64;
-    Ok(ImageFacts { width: width as u32, height: height as u32, needs_bytes, notes: head.notes })
+    Ok(ImageFacts { width: width as u32, height: height as u32, needs_bytes, is_encoded: false, notes: head.notes })
 }
 
 /// Reads a picture: rows from the top, each from the left, in the unit of the scene.
@@ -83,7 +83,14 @@ pub(super) fn read(path: &Path, file: &mut dyn BufRead) -> Result<RgbaImage> {
             pixels[row + offset(fast, i)] = head.colour(*stored);
         }
     }
-    Ok(RgbaImage { width: width as u32, height: height as u32, pixels, has_alpha: false })
+    Ok(RgbaImage {
+        width: width as u32,
+        height: height as u32,
+        pixels,
+        has_alpha: false,
+        is_8_bit: false,
+        is_encoded: false,
+    })
 }
 
 fn place(path: &Path, problem: String) -> Error {

@@ -97,7 +97,7 @@ impl ImageReader {
                 check_size(path, (frame.width, frame.height))?;
                 let (width, height) = (frame.width as u32, frame.height as u32);
                 let needs_bytes = picture.needs_bytes(frame);
-                Ok(ImageFacts { width, height, needs_bytes, notes: picture.notes.clone() })
+                Ok(ImageFacts { width, height, needs_bytes, is_encoded: false, notes: picture.notes.clone() })
             }
             Self::Hdr(facts) | Self::FloatMap(facts) | Self::Other(facts) => Ok(facts.clone()),
         }
@@ -140,7 +140,7 @@ impl ImageReader {
 fn decoded_facts(path: &Path, (width, height): (u32, u32)) -> Result<ImageFacts> {
     check_size(path, (width.into(), height.into()))?;
     let needs_bytes = u64::from(width) * u64::from(height) * (RETURNED_BYTES + 16);
-    Ok(ImageFacts { width, height, needs_bytes, notes: Vec::new() })
+    Ok(ImageFacts { width, height, needs_bytes, is_encoded: true, notes: Vec::new() })
 }
 
 /// As [`image_facts`] of a PNG, JPEG or WebP file that is in memory; `name` is for messages.
@@ -236,6 +236,7 @@ fn limits() -> image::Limits {
 fn read_with(path: &Path, decoder: impl ImageDecoder) -> Result<RgbaImage> {
     let decoded = image::DynamicImage::from_decoder(decoder).map_err(|e| refuse(path, &e.to_string()))?;
     let has_alpha = decoded.color().has_alpha();
+    let is_8_bit = decoded.color().bytes_per_pixel() == decoded.color().channel_count();
     let image = decoded.into_rgba32f();
     let (width, height) = (image.width(), image.height());
     let values = image.into_raw();
@@ -245,7 +246,7 @@ fn read_with(path: &Path, decoder: impl ImageDecoder) -> Result<RgbaImage> {
         Err((_, values)) => values.as_chunks::<4>().0.to_vec(),
     };
     pixels.iter_mut().flat_map(|pixel| &mut pixel[..3]).for_each(|value| *value = decode_srgb(*value));
-    Ok(RgbaImage { width, height, pixels, has_alpha })
+    Ok(RgbaImage { width, height, pixels, has_alpha, is_8_bit, is_encoded: true })
 }
 
 /// Inverse of the sRGB transfer function (IEC 61966-2-1).

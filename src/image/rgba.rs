@@ -21,6 +21,10 @@ pub struct RgbaImage {
     pub pixels: Vec<[f32; 4]>,
     /// Whether the file has an alpha channel.
     pub has_alpha: bool,
+    /// Whether the file's values are eight bits, of colours by sRGB's curve: then no value is lost by storing these.
+    pub is_8_bit: bool,
+    /// Whether its values were decoded from sRGB's curve.
+    pub is_encoded: bool,
 }
 
 /// Properties of an image file.
@@ -32,6 +36,8 @@ pub struct ImageFacts {
     pub height: u32,
     /// Bytes of memory that [`read_image`](super::read_image) and [`read_rgba`](super::read_rgba) take at most, with what they return.
     pub needs_bytes: u64,
+    /// Whether its values are encoded by sRGB's curve, in eight or sixteen bits; otherwise they are floats.
+    pub is_encoded: bool,
     /// What is done to its values or chosen among them that could surprise, one line each, for people: "its EXPOSURE of 2 is
     /// divided out".
     pub notes: Vec<String>,

@@ -33,7 +33,7 @@ pub(super) struct Panel {
 
 impl Assembly {
     pub(super) fn material(&mut self, name: &str, surface: Surface) -> MaterialId {
-        self.materials.push(Material { name: name.into(), surface, cutout: None, opacity: 1.0 });
+        self.materials.push(Material::new(name, surface));
         MaterialId(self.materials.len() as u32 - 1)
     }
 
@@ -106,6 +106,11 @@ impl Assembly {
         let (kind, unit, place, extent) = match &emitter {
             PointEmitter::Point { position } => (LightKind::Point, LightUnit::Intensity, *position, 0.0),
             PointEmitter::Spot { position, .. } => (LightKind::Spot, LightUnit::Intensity, *position, 0.0),
+            PointEmitter::Ball { position, radius, cone } => {
+                let kind = if cone.is_some() { LightKind::Spot } else { LightKind::Point };
+                // The area of the disc that it shows.
+                (kind, LightUnit::Intensity, *position, std::f32::consts::PI * radius * radius)
+            }
             PointEmitter::Ies { position, .. } => (LightKind::Ies, LightUnit::Intensity, *position, 0.0),
             PointEmitter::Sun { towards, angular_radius_radians } => {
                 // 2π (1 − cos r) as 4π sin²(r/2), which keeps its digits for the sun's quarter of a degree.

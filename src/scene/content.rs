@@ -4,11 +4,14 @@ use glam::{Mat3, Vec3};
 use sha2::{Digest, Sha256};
 
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
-use super::{Camera, Emitter, Material, Paint, PixelFilter, PointEmitter, Scene, Surface, TextureId};
+use super::{
+    Camera, Emitter, FloatTexture, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene,
+    SpotCone, Surface, Texels, TextureId,
+};
 use crate::light::EnvironmentMapping;
 
 /// Version of these bytes: to be raised with every change of them.
-const VERSION: &[u8] = b"ltm scene 2";
+const VERSION: &[u8] = b"ltm scene 3";
 
 /// SHA-256 over everything that decides the entries of `T` apart from the samples: geometry, materials, textures,
 /// camera, emitters, path depth. Names do not count.
@@ -34,7 +37,11 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     for texture in textures {
         parts.whole(texture.width.into());
         parts.whole(texture.height.into());
-        parts.bytes(bytemuck::cast_slice(&texture.texels));
+        match &texture.texels {
+            Texels::Colours8(texels) => parts.kind(0, bytemuck::cast_slice(texels)),
+            Texels::Numbers8(texels) => parts.kind(1, bytemuck::cast_slice(texels)),
+            Texels::Floats(texels) => parts.kind(2, bytemuck::cast_slice(texels)),
+        }
     }
     parts.camera(camera);
     parts.whole(emitters.len() as u64);
@@ -50,6 +57,11 @@ impl Parts {
     fn bytes(&mut self, bytes: &[u8]) {
         self.whole(bytes.len() as u64);
         self.0.update(bytes);
+    }
+
+    fn kind(&mut self, kind: u64, bytes: &[u8]) {
+        self.whole(kind);
+        self.bytes(bytes);
     }
 
     fn whole(&mut self, number: u64) {
@@ -82,7 +94,39 @@ impl Parts {
         self.vector(factor);
     }
 
-    fn material(&mut self, Material { name: _, surface, cutout, opacity }: &Material) {
+    fn level(&mut self, level: &FloatTexture) {
+        let (texture, channel, number) = match *level {
+            FloatTexture::Constant(number) => (None, 0, number),
+            FloatTexture::Textured(texture, channel, factor) => (Some(texture), channel, factor),
+        };
+        self.texture(texture);
+        self.whole(channel.into());
+        self.number(number);
+    }
+
+    fn principled(&mut self, surface: &PrincipledSurface) {
+        let PrincipledSurface {
+            base,
+            metallic,
+            roughness,
+            specular,
+            transmission,
+            ior,
+            is_thin,
+            translucency,
+            translucent,
+            coat,
+            sheen,
+        } = surface;
+        [base, translucent].into_iter().for_each(|paint| self.paint(paint));
+        [metallic, roughness, transmission, translucency].into_iter().for_each(|level| self.level(level));
+        [*specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
+        [*ior, coat.0, coat.1, sheen.1].into_iter().for_each(|number| self.number(number));
+        self.whole((*is_thin).into());
+    }
+
+    fn material(&mut self, material: &Material) {
+        let Material { name: _, surface, cutout, opacity, opacity_map, absorption, relief } = material;
         match surface {
             Surface::Lambert { reflectance } => {
                 self.whole(0);
@@ -114,9 +158,23 @@ impl Parts {
                 self.number(*alpha);
             }
             Surface::Black => self.whole(6),
+            Surface::Principled(surface) => {
+                self.whole(7);
+                self.principled(surface);
+            }
         }
         self.texture(*cutout);
         self.number(*opacity);
+        self.texture(*opacity_map);
+        self.vector(*absorption);
+        let (kind, texture, factor) = match *relief {
+            None => (0, None, 0.0),
+            Some(Relief::Normals(texture, factor)) => (1, Some(texture), factor),
+            Some(Relief::Heights(texture, factor)) => (2, Some(texture), factor),
+        };
+        self.whole(kind);
+        self.texture(texture);
+        self.number(factor);
     }
 
     fn camera(&mut self, camera: &Camera) {
@@ -188,6 +246,17 @@ impl Parts {
                 self.whole(2);
                 self.vector(*towards);
                 self.number(*angular_radius_radians);
+            }
+            PointEmitter::Ball { position, radius, cone } => {
+                self.whole(4);
+                self.vector(*position);
+                self.number(*radius);
+                self.whole(cone.is_some().into());
+                if let Some(SpotCone { direction, inner_radians, outer_radians }) = cone {
+                    self.vector(*direction);
+                    self.number(*inner_radians);
+                    self.number(*outer_radians);
+                }
             }
             PointEmitter::Ies { position, world_from_luminaire, profile } => {
                 self.whole(3);

@@ -62,6 +62,15 @@ pub enum PointEmitter {
         /// Half angle of the outer cone.
         outer_radians: f32,
     },
+    /// A ball as bright as a point or a spot from afar, which rays do not hit: its shadows are soft.
+    Ball {
+        /// Centre.
+        position: Vec3,
+        /// Radius, above 0.
+        radius: f32,
+        /// The cone of a spot; none for light to all sides.
+        cone: Option<SpotCone>,
+    },
     /// A disc of directions; irradiance 1 on a plane facing it.
     Sun {
         /// Unit vector towards the sun.
@@ -78,6 +87,17 @@ pub enum PointEmitter {
         /// Relative intensity over directions.
         profile: IesProfile,
     },
+}
+
+/// The cone of a spot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpotCone {
+    /// Unit axis.
+    pub direction: Vec3,
+    /// Half angle of the inner cone, within which all of the intensity is.
+    pub inner_radians: f32,
+    /// Half angle of the outer cone, beyond which there is no light.
+    pub outer_radians: f32,
 }
 
 /// Intensity of a type C photometric web, relative to 1 in the unit of its light.

@@ -186,8 +186,7 @@ impl Geometry {
         let Description::Mtl(material, ..) = &self.materials[first_material + part.material].description else {
             return;
         };
-        let maps = [&material.diffuse_map, &material.dissolve_map, &material.emission_map];
-        if let Some(MtlMap { scale, offset, .. }) = maps.into_iter().flatten().next().filter(|map| !map.is_plain()) {
+        if let Some(MtlMap { scale, offset, .. }) = material.maps().next().filter(|map| !map.is_plain()) {
             part.uvs.iter_mut().for_each(|uv| *uv = *uv * *scale + *offset);
         }
     }

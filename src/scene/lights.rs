@@ -13,7 +13,7 @@ use super::names::UniqueNames;
 use super::photometry::{self, MAX_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
 use super::resolve_materials::{Emission, colour};
-use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, Vertex, names};
+use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, SpotCone, Surface, Vertex, names};
 use crate::decimal::{list, of_f32, of_f64};
 use crate::error::{Error, Result, Warnings};
 use crate::files::read_input;
@@ -326,7 +326,11 @@ impl LightBuilder<'_> {
     }
 
     fn point(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
-        let emitter = PointEmitter::Point { position: self.position(entry, place)? };
+        let position = self.position(entry, place)?;
+        let emitter = match ball_radius(entry, place)? {
+            radius if radius > 0.0 => PointEmitter::Ball { position, radius, cone: None },
+            _ => PointEmitter::Point { position },
+        };
         self.point_like("point", emitter, [1.0; 3], entry, place)
     }
 
@@ -339,7 +343,13 @@ impl LightBuilder<'_> {
         }
         let (inner_radians, outer_radians) = (inner.to_radians(), outer.to_radians());
         let (direction, position) = (axis(entry, place)?, self.position(entry, place)?);
-        let emitter = PointEmitter::Spot { position, direction, inner_radians, outer_radians };
+        let emitter = match ball_radius(entry, place)? {
+            radius if radius > 0.0 => {
+                let cone = Some(SpotCone { direction, inner_radians, outer_radians });
+                PointEmitter::Ball { position, radius, cone }
+            }
+            _ => PointEmitter::Spot { position, direction, inner_radians, outer_radians },
+        };
         self.point_like("spot", emitter, [1.0; 3], entry, place)
     }
 
@@ -386,6 +396,19 @@ impl LightBuilder<'_> {
         self.admit_columns(1, place)?;
         self.assembly.point(entry.name.as_deref().unwrap_or(kind), emitter, entry.emission.unwrap_or(own))
     }
+}
+
+/// Radius of a point or a spot; 0 where none is stated.
+fn ball_radius(entry: &LightEntry, place: &str) -> Result<f32> {
+    let radius = finite(entry.radius.unwrap_or(0.0), "radius", place)?;
+    if radius < 0.0 {
+        return Err(Error::input(
+            place,
+            format!("radius {radius}"),
+            "give a length of at least 0, in the unit of the geometry",
+        ));
+    }
+    Ok(radius)
 }
 
 /// Where a light points, down if it does not say.

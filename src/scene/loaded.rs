@@ -29,7 +29,7 @@ pub struct RenderSettings {
     pub seed: u64,
     /// Side of a block in pixels.
     pub block_side: u32,
-    /// Longest path in segments: 1 sees only lights, 2 direct light.
+    /// Longest path in segments: 1 sees only lights, 2 direct light. By default Russian roulette ends paths long before (decision 61).
     pub max_depth: u32,
 }
 
@@ -40,7 +40,7 @@ impl RenderSettings {
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { samples_per_pixel: 64, seed: 0, block_side: 32, max_depth: 12 }
+        Self { samples_per_pixel: 64, seed: 0, block_side: 32, max_depth: 256 }
     }
 }
 

@@ -13,7 +13,7 @@ use super::material::{IORS, USUAL_IOR, normal_reflectance};
 use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, ShownLook, Through, Writer};
 use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
-use super::{Material, Paint, Surface, TextureId};
+use super::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, TextureId};
 use crate::decimal::{list, of_f32};
 use crate::error::{Error, Result, Warnings};
 use crate::light::names::fits;
@@ -24,8 +24,8 @@ const NAMES_SHOWN: usize = 4;
 /// Grey values of `Kd` that programs write whatever is mapped: Blender's 0.8 at intensity 1, 0.8, 0.64, 0.512, and 3ds Max' 150 of 255.
 const WRITTEN_GREYS: [f32; 5] = [0.8, 0.64, 0.512, 0.4096, 0.588];
 
-/// What a clear coat of glTF reflects at normal incidence: that of index 1.5.
-const CLEAR_COAT: f32 = 0.04;
+/// How high white stands above black in a map of heights, in units of its width.
+const HEIGHT: f32 = 0.01;
 
 /// Index of refraction this near to 1 means a sheet without thickness.
 const NO_REFRACTION: f32 = 1e-3;
@@ -51,6 +51,10 @@ struct SurfaceParams {
     alpha: f32,
     ior: f32,
     transmittance: Vec3,
+    /// GGX α of glass.
+    glass_alpha: f32,
+    /// What it is while no kind is given: several at once.
+    several: Option<PrincipledSurface>,
 }
 
 /// A material before the scene file's overrides.
@@ -58,6 +62,9 @@ struct UnresolvedMaterial {
     look: SurfaceParams,
     cutout: Option<TextureId>,
     opacity: f32,
+    opacity_map: Option<TextureId>,
+    absorption: Vec3,
+    relief: Option<Relief>,
     /// The surface without its transparency.
     opaque: SurfaceEntry,
     /// The colour that its file gives beside a map, whether it multiplies that or not.
@@ -117,7 +124,7 @@ impl MaterialResolver<'_> {
         let asked_by = format!("material '{name}'");
         let usage = match source.alpha {
             Alpha::Cut(scale) => TextureUse::Masked(scale.to_bits()),
-            Alpha::Opaque | Alpha::Sheet(_) => TextureUse::Reflectance,
+            Alpha::Opaque | Alpha::Blend(_) => TextureUse::Reflectance,
         };
         let mut map = |image: &Option<_>, usage: TextureUse| match image {
             Some(image) => self.textures.source(image, usage, &asked_by, &mut self.warnings),
@@ -125,39 +132,56 @@ impl MaterialResolver<'_> {
         };
         let base_map = map(&source.base_image, usage)?;
         let emission_map = map(&source.emission_image, TextureUse::Emission)?;
-        let averages = match &source.metallic_roughness_image {
-            Some(image) => self.textures.average(image, &asked_by)?,
-            None => None,
+        let mixed_map = map(&source.metallic_roughness_image, TextureUse::Numbers)?;
+        let normal_map = map(&source.normal_image, TextureUse::Numbers)?;
+        let transmission_map = map(&source.transmission_image, TextureUse::Numbers)?;
+        let translucency_map = map(&source.translucency_image, TextureUse::Numbers)?;
+        let translucent_map = map(&source.translucent_image, TextureUse::Reflectance)?;
+        let level = |map: Option<TextureId>, channel: u8, factor: f32| match map {
+            Some(id) if factor != 0.0 => FloatTexture::Textured(id, channel, factor),
+            _ => FloatTexture::Constant(factor.min(1.0)),
         };
-        let [_, roughness, metallic] = averages.unwrap_or([1.0; 3]);
-        let (roughness, metallic) = (roughness * source.roughness, metallic * source.metallic);
-        let mut look = SurfaceParams {
-            kind: SurfaceEntry::Coated,
-            reflectance: base_map.map_or(Paint::Constant(source.base), |id| Paint::Textured(id, source.base)),
-            specular: (source.specular * normal_reflectance(source.ior)).min(Vec3::ONE),
-            alpha: roughness.clamp(0.0, 1.0).powi(2),
-            ior: source.ior,
-            transmittance: source.base,
+        let paint = |map: Option<TextureId>, colour: Vec3| {
+            map.map_or(Paint::Constant(colour), |id| Paint::Textured(id, colour))
         };
+        let specular = (source.specular * normal_reflectance(source.ior)).min(Vec3::ONE);
         let [coat, coat_roughness] = source.clear_coat.map(|v| v.min(1.0));
-        if coat > 0.0 {
-            look.specular = Vec3::ONE - (Vec3::ONE - look.specular) * (1.0 - coat * CLEAR_COAT);
+        let several = PrincipledSurface {
+            base: paint(base_map, source.base),
+            metallic: level(mixed_map, 2, source.metallic),
+            roughness: level(mixed_map, 1, source.roughness),
+            specular,
+            transmission: level(transmission_map, 0, source.transmission),
+            ior: source.ior,
+            is_thin: !source.is_body,
+            translucency: level(translucency_map, 3, source.translucency),
+            translucent: paint(translucent_map, source.translucent),
+            coat: (coat, coat_roughness),
+            sheen: (source.sheen.0.min(Vec3::ONE), source.sheen.1.min(1.0)),
+        };
+        let look = SurfaceParams::of_several(several);
+        let (mut cutout, mut opacity, mut opacity_map) = (None, 1.0, None);
+        match source.alpha {
+            Alpha::Opaque => {}
+            Alpha::Cut(_) => cutout = base_map,
+            // What emits is there or not.
+            Alpha::Blend(_) if source.emission != Vec3::ZERO => cutout = base_map,
+            Alpha::Blend(share) => (opacity, opacity_map) = (share, base_map),
         }
-        if coat >= 0.5 && metallic < 0.5 {
-            look.alpha = coat_roughness.powi(2);
-        }
-        if metallic >= 0.5 {
-            look.kind = SurfaceEntry::RoughConductor;
-        } else if source.transmission >= 0.5 {
-            look.kind = if source.is_body { SurfaceEntry::Dielectric } else { SurfaceEntry::ThinDielectric };
-        } else if let Alpha::Sheet(share) = source.alpha {
-            look.kind = SurfaceEntry::ThinDielectric;
-            look.transmittance = Vec3::ONE.lerp(source.base, share);
-        }
-        let cutout = matches!(source.alpha, Alpha::Cut(_)).then_some(base_map).flatten();
+        let (colour, distance) = source.attenuation;
         let pattern = emission_map.map(|id| Paint::Textured(id, Vec3::ONE));
-        let (opaque, beside_map) = (SurfaceEntry::Coated, source.base);
-        Ok(UnresolvedMaterial { look, cutout, opacity: 1.0, opaque, beside_map, radiance: source.emission, pattern })
+        Ok(UnresolvedMaterial {
+            look,
+            cutout,
+            opacity,
+            opacity_map,
+            absorption: if source.is_body { absorption(colour, distance) } else { Vec3::ZERO },
+            relief: normal_map.map(|id| Relief::Normals(id, source.normal_scale)),
+            opaque: SurfaceEntry::Coated,
+            beside_map: source.base,
+            radiance: source.emission,
+            pattern,
+        })
     }
 
     /// What an MTL description means here, on surfaces of a shape. `folder` holds its textures.
@@ -168,8 +192,18 @@ impl MaterialResolver<'_> {
             None => Ok(None),
         };
         let diffuse_map = map(&source.diffuse_map, TextureUse::Reflectance)?;
-        let cutout = map(&source.dissolve_map, TextureUse::CutOut)?;
+        let holes = map(&source.dissolve_map, TextureUse::Opacity)?;
+        // What emits is there or not.
+        let (cutout, opacity_map) = if source.emission.is_some() { (holes, None) } else { (None, holes) };
         let emission_map = map(&source.emission_map, TextureUse::Emission)?;
+        let [roughness_map, metallic_map, normal_map, bump_map] = {
+            let maps = [&source.roughness_map, &source.metallic_map, &source.normal_map, &source.bump_map];
+            let mut found = [None; 4];
+            for (found, named) in found.iter_mut().zip(maps) {
+                *found = map(named, TextureUse::Numbers)?;
+            }
+            found
+        };
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
             Some(id) => Paint::Textured(id, self.beside_map(source)),
@@ -194,8 +228,45 @@ impl MaterialResolver<'_> {
             radiance = Vec3::ONE;
         }
         let opaque = if is_bent { SurfaceEntry::Coated } else { look.kind };
-        let look = SurfaceParams::of_mtl(&look, base);
-        Ok(UnresolvedMaterial { look, cutout, opacity, opaque, beside_map: diffuse, radiance, pattern })
+        let is_pbr = look.is_pbr;
+        let mut look = SurfaceParams::of_mtl(&look, base);
+        let metal = source.metallic.unwrap_or(0.0).min(1.0);
+        if is_pbr && (roughness_map.is_some() || metallic_map.is_some() || metal > 0.0) {
+            let level = |map: Option<TextureId>, stated: Option<f32>, usual: f32| match map {
+                Some(id) => FloatTexture::Textured(id, 0, stated.filter(|factor| *factor > 0.0).unwrap_or(1.0)),
+                None => FloatTexture::Constant(stated.unwrap_or(usual).clamp(0.0, 1.0)),
+            };
+            look.several = Some(PrincipledSurface {
+                base: look.reflectance,
+                metallic: level(metallic_map, source.metallic, 0.0),
+                roughness: level(roughness_map, source.roughness, 0.5),
+                specular: look.specular,
+                ..PrincipledSurface::opaque(look.ior)
+            });
+        }
+        let bump = bump_map.map(|id| self.relief_of(id, source.bump_map.as_ref().map_or(1.0, |map| map.raised)));
+        let (absorption, relief) = (Vec3::ZERO, normal_map.map(|id| Relief::Normals(id, 1.0)).or(bump));
+        let beside_map = diffuse;
+        Ok(UnresolvedMaterial {
+            look,
+            cutout,
+            opacity,
+            opacity_map,
+            absorption,
+            relief,
+            opaque,
+            beside_map,
+            radiance,
+            pattern,
+        })
+    }
+
+    /// What a map of `map_Bump` means: normals where it looks like them, else heights.
+    fn relief_of(&self, id: TextureId, factor: f32) -> Relief {
+        if self.textures.list[id.0 as usize].texels.are_normals() {
+            return Relief::Normals(id, factor);
+        }
+        Relief::Heights(id, HEIGHT * factor)
     }
 
     /// The colour that multiplies `map_Kd`: `Kd`, but for what programs write there without meaning it.
@@ -226,15 +297,15 @@ impl MaterialResolver<'_> {
 
     /// Says what of a material's maps is not as it is stated.
     fn note_maps(&mut self, source: &MtlMaterial) {
-        let MtlMaterial { diffuse_map, emission_map, dissolve_map, name, .. } = source;
-        let maps = || [diffuse_map, dissolve_map, emission_map].into_iter().flatten();
+        let name = &source.name;
+        let maps = || source.maps();
         if maps().any(|map| map.is_clamped) {
             self.decided.note("a map is to end at its edges (-clamp); it is repeated", name);
         }
         let first = maps().next();
         if maps().any(|map| first.is_some_and(|first| (map.scale, map.offset) != (first.scale, first.offset))) {
             self.decided.note(
-                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke",
+                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke, map_Pr",
                 name,
             );
         }
@@ -242,7 +313,8 @@ impl MaterialResolver<'_> {
 
     /// Applies the scene file's overrides.
     fn finish(&mut self, draft: UnresolvedMaterial, name: &str) -> Result<(Material, Option<Emission>)> {
-        let UnresolvedMaterial { mut look, mut cutout, mut opacity, opaque, beside_map, mut radiance, pattern } = draft;
+        let UnresolvedMaterial { mut look, mut cutout, mut opacity, mut opacity_map, .. } = draft;
+        let UnresolvedMaterial { mut absorption, relief, opaque, beside_map, mut radiance, pattern, .. } = draft;
         let asked_by = format!("material '{name}'");
         for entry in self.overrides.iter().filter(|entry| fits(&entry.pattern, name)) {
             let place = format!("{}, material \"{}\"", self.place, entry.pattern);
@@ -260,7 +332,10 @@ impl MaterialResolver<'_> {
                 opacity = 1.0;
             }
             if let (Some(times), Paint::Textured(id, _)) = (entry.colour_times_map, look.reflectance) {
-                look.reflectance = Paint::Textured(id, if times { beside_map } else { Vec3::ONE });
+                look.colour(Paint::Textured(id, if times { beside_map } else { Vec3::ONE }));
+            }
+            if let Some(found) = entry.absorption(&place)? {
+                absorption = found;
             }
             let mut map = |name: &Option<String>, usage: TextureUse| {
                 let Some(name) = name else { return Ok(None) };
@@ -270,9 +345,11 @@ impl MaterialResolver<'_> {
                 }
             };
             if let Some(id) = map(&entry.reflectance_map, TextureUse::Reflectance)? {
-                look.reflectance = Paint::Textured(id, entry.reflectance.map_or(Vec3::ONE, Vec3::from));
+                look.colour(Paint::Textured(id, entry.reflectance.map_or(Vec3::ONE, Vec3::from)));
             }
-            cutout = map(&entry.cutout_map, TextureUse::CutOut)?.or(cutout);
+            if let Some(id) = map(&entry.cutout_map, TextureUse::Opacity)? {
+                (cutout, opacity_map) = (Some(id), None);
+            }
             if let Some(emission) = entry.emission {
                 radiance = colour(emission, "emission", f32::MAX, &place)?;
             }
@@ -281,24 +358,51 @@ impl MaterialResolver<'_> {
             self.warnings.push(format!("{asked_by}: reflects or transmits more than it receives; clamped to 1"));
         }
         let emission = (radiance != Vec3::ZERO).then_some(Emission { radiance, pattern });
-        Ok((Material { name: name.to_owned(), surface: look.surface(), cutout, opacity }, emission))
+        let surface = look.surface();
+        let name = name.to_owned();
+        Ok((Material { name, surface, cutout, opacity, opacity_map, absorption, relief }, emission))
     }
 }
 
 impl SurfaceParams {
     /// Converts an MTL material over this base colour.
     fn of_mtl(look: &MtlLook, base: Paint) -> Self {
-        let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance } = look;
-        Self { kind, reflectance: reflectance.map_or(base, Paint::Constant), specular, alpha, ior, transmittance }
+        let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance, is_pbr: _ } = look;
+        let reflectance = reflectance.map_or(base, Paint::Constant);
+        Self { kind, reflectance, specular, alpha, ior, transmittance, glass_alpha: 0.0, several: None }
+    }
+
+    /// What is several kinds at once, and what it is if one of them is asked for.
+    fn of_several(several: PrincipledSurface) -> Self {
+        let PrincipledSurface { base, roughness, specular, ior, .. } = several;
+        let transmittance = match base {
+            Paint::Constant(colour) | Paint::Textured(_, colour) => colour,
+        };
+        let alpha = match roughness {
+            FloatTexture::Constant(value) | FloatTexture::Textured(_, _, value) => value.clamp(0.0, 1.0).powi(2),
+        };
+        let kind = SurfaceEntry::Coated;
+        Self { kind, reflectance: base, specular, alpha, ior, transmittance, glass_alpha: 0.0, several: Some(several) }
+    }
+
+    /// Sets what it reflects.
+    fn colour(&mut self, reflectance: Paint) {
+        self.reflectance = reflectance;
+        if let Some(several) = &mut self.several {
+            several.base = reflectance;
+        }
     }
 
     fn change(&mut self, entry: &MaterialEntry, place: &str) -> Result<()> {
-        self.kind = entry.kind.unwrap_or(self.kind);
+        if let Some(kind) = entry.kind {
+            (self.kind, self.several) = (kind, None);
+        }
         if let Some(reflectance) = entry.reflectance {
-            self.reflectance = Paint::Constant(colour(reflectance, "reflectance", f32::MAX, place)?);
+            self.colour(Paint::Constant(colour(reflectance, "reflectance", f32::MAX, place)?));
         }
         if let Some(specular) = entry.specular {
             self.specular = colour(specular, "specular", f32::MAX, place)?;
+            self.several.iter_mut().for_each(|several| several.specular = self.specular.min(Vec3::ONE));
         }
         if let Some(transmittance) = entry.transmittance {
             self.transmittance = colour(transmittance, "transmittance", f32::MAX, place)?;
@@ -307,13 +411,15 @@ impl SurfaceParams {
             if !(0.0..=1.0).contains(&roughness) {
                 return Err(Error::input(place, format!("roughness {roughness}"), "give a number from 0 to 1"));
             }
-            self.alpha = roughness * roughness;
+            (self.alpha, self.glass_alpha) = (roughness * roughness, roughness * roughness);
+            self.several.iter_mut().for_each(|several| several.roughness = FloatTexture::Constant(roughness));
         }
         if let Some(ior) = entry.ior {
             if !IORS.contains(&ior) {
                 return Err(Error::input(place, format!("ior {ior}"), "give a number from 0.1 to 10, 1.5 for glass"));
             }
             self.ior = ior;
+            self.several.iter_mut().for_each(|several| several.ior = ior);
         }
         Ok(())
     }
@@ -330,11 +436,44 @@ impl SurfaceParams {
         }
         clamp(&mut self.specular);
         clamp(&mut self.transmittance);
+        if let Some(several) = &mut self.several {
+            several.base = self.reflectance;
+            clamp(&mut several.specular);
+        }
         clamped
     }
 
+    /// The same as one of the plain kinds, where it is one everywhere.
+    fn of_one_kind(&self, several: &PrincipledSurface) -> Option<Self> {
+        let &PrincipledSurface { base, metallic, roughness, transmission, is_thin, translucency, .. } = several;
+        let FloatTexture::Constant(roughness) = roughness else { return None };
+        if several.coat.0 > 0.0 || several.sheen.0 != Vec3::ZERO {
+            return None;
+        }
+        let is_plain = transmission.is(0.0) && translucency.is(0.0);
+        let alpha = roughness.clamp(0.0, 1.0).powi(2);
+        let kind = match base {
+            _ if metallic.is(1.0) => SurfaceEntry::RoughConductor,
+            _ if metallic.is(0.0) && is_plain => SurfaceEntry::Coated,
+            Paint::Constant(_) if metallic.is(0.0) && transmission.is(1.0) => {
+                if is_thin {
+                    SurfaceEntry::ThinDielectric
+                } else {
+                    SurfaceEntry::Dielectric
+                }
+            }
+            _ => return None,
+        };
+        let crossed = kind == SurfaceEntry::Dielectric;
+        let transmittance = if crossed { self.transmittance.map(f32::sqrt) } else { self.transmittance };
+        Some(Self { kind, transmittance, alpha, glass_alpha: alpha, several: None, ..*self })
+    }
+
     fn surface(self) -> Surface {
-        let Self { kind, reflectance, specular, alpha, ior, transmittance } = self;
+        if let Some(several) = self.several {
+            return self.of_one_kind(&several).map_or(Surface::Principled(several), Self::surface);
+        }
+        let Self { kind, reflectance, specular, alpha, ior, transmittance, glass_alpha, .. } = self;
         match kind {
             SurfaceEntry::Black => Surface::Black,
             SurfaceEntry::Coated if specular != Vec3::ZERO => {
@@ -348,8 +487,54 @@ impl SurfaceParams {
                 Surface::RoughConductor { specular: reflectance, alpha }
             }
             SurfaceEntry::Mirror | SurfaceEntry::RoughConductor => Surface::Mirror { reflectance },
+            SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric
+                if glass_alpha >= PrincipledSurface::SMOOTH_GLASS && (ior - 1.0).abs() > NO_REFRACTION =>
+            {
+                let is_thin = kind == SurfaceEntry::ThinDielectric;
+                // Of a body, two crossings.
+                let colour = if is_thin { transmittance } else { transmittance * transmittance };
+                Surface::Principled(PrincipledSurface {
+                    base: Paint::Constant(colour),
+                    roughness: FloatTexture::Constant(glass_alpha.sqrt()),
+                    transmission: FloatTexture::Constant(1.0),
+                    is_thin,
+                    ..PrincipledSurface::opaque(ior)
+                })
+            }
             SurfaceEntry::Dielectric if (ior - 1.0).abs() > NO_REFRACTION => Surface::Dielectric { ior, transmittance },
             SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric => Surface::ThinDielectric { ior, transmittance },
+        }
+    }
+}
+
+/// What absorbs so much on each unit of length that light has a colour after a distance: `−ln c / d`. None if that is
+/// no distance.
+fn absorption(colour: Vec3, distance: f32) -> Vec3 {
+    if !(distance > 0.0 && distance.is_finite()) {
+        return Vec3::ZERO;
+    }
+    // Black would be infinite.
+    colour.clamp(Vec3::splat(1e-6), Vec3::ONE).map(|v| -v.ln() / distance)
+}
+
+impl MaterialEntry {
+    /// The absorption that it states. Errors: one of its two keys alone, or out of range.
+    fn absorption(&self, place: &str) -> Result<Option<Vec3>> {
+        match (self.attenuation_colour, self.attenuation_distance) {
+            (None, None) => Ok(None),
+            (Some(values), Some(distance)) if distance > 0.0 => {
+                Ok(Some(absorption(colour(values, "attenuation_colour", 1.0, place)?, distance)))
+            }
+            (Some(_), Some(distance)) => Err(Error::input(
+                place,
+                format!("attenuation_distance {distance}"),
+                "give a length above 0, in the unit of the geometry",
+            )),
+            _ => Err(Error::input(
+                place,
+                "attenuation_colour and attenuation_distance go together",
+                "give both: the colour that light has after that distance",
+            )),
         }
     }
 }

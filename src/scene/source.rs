@@ -30,8 +30,8 @@ pub(super) enum Alpha {
     Opaque,
     /// Where the texture's alpha times this is below one half, the surface is not there.
     Cut(f32),
-    /// A sheet through which all light passes but this share, which it colours.
-    Sheet(f32),
+    /// This share of the light, times the texture's alpha, meets the surface; the rest passes straight.
+    Blend(f32),
 }
 
 /// A material of the metallic-roughness kind, with the extensions that are read.
@@ -44,12 +44,26 @@ pub(super) struct GltfMaterial {
     pub(super) roughness: f32,
     /// Blue multiplies `metallic`, green `roughness`.
     pub(super) metallic_roughness_image: SourceImage,
+    pub(super) normal_image: SourceImage,
+    /// Factor on what of its normals lies along the surface.
+    pub(super) normal_scale: f32,
     pub(super) ior: f32,
     /// Colour and strength of the reflection at normal incidence, over that of `ior`.
     pub(super) specular: Vec3,
     /// A clear coat over all: its strength and its roughness.
     pub(super) clear_coat: [f32; 2],
+    /// Colour and roughness of a sheen.
+    pub(super) sheen: (Vec3, f32),
     pub(super) transmission: f32,
+    /// Red multiplies `transmission`.
+    pub(super) transmission_image: SourceImage,
+    /// Colour that light has after this distance within the body.
+    pub(super) attenuation: (Vec3, f32),
+    /// Share of what is diffuse that leaves on the other side; alpha of the image multiplies it.
+    pub(super) translucency: f32,
+    pub(super) translucency_image: SourceImage,
+    pub(super) translucent: Vec3,
+    pub(super) translucent_image: SourceImage,
     /// Whether it bounds a body, which refracts; otherwise it is a sheet.
     pub(super) is_body: bool,
     pub(super) emission: Vec3,

@@ -56,6 +56,7 @@ impl Surface {
             Self::Dielectric { .. } => "dielectric",
             Self::ThinDielectric { .. } => "thin_dielectric",
             Self::Coated { .. } => "coated",
+            Self::Principled(_) => "principled",
             Self::Black => "black",
         }
     }

@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 
 use super::memory::MemoryBound;
 use super::source::ImageSource;
-use super::{Texture, TextureId};
+use super::{Texels, Texture, TextureId};
 use crate::error::{Error, Hint, Result, Warnings};
 use crate::files::FileAccess;
-use crate::image::{ImageFacts, RgbaImage, embedded_facts, encode_srgb, image_facts, read_embedded, read_rgba};
+use crate::image::{
+    ImageFacts, RgbaImage, decode_srgb, embedded_facts, encode_srgb, image_facts, read_embedded, read_rgba,
+};
 
 /// Most memory that the textures of a scene may take, in bytes.
 const BUDGET_BYTES: u64 = 2 << 30;
@@ -26,8 +28,10 @@ pub(super) enum TextureUse {
     Reflectance,
     /// Emission: no upper bound.
     Emission,
-    /// Cut-out: the alpha channel, or the red one of an image without alpha.
-    CutOut,
+    /// Opacity: the alpha channel, or the red one of an image without alpha.
+    Opacity,
+    /// Numbers that are no colours: roughness, metal, normals, heights.
+    Numbers,
     /// Reflectance that is also a cut-out: alpha times the number with these bits.
     Masked(u32),
 }
@@ -42,6 +46,8 @@ pub(super) struct Textures {
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
     missing: Vec<(PathBuf, String)>,
+    /// The same of files that refine a surface: roughness, metal, normals.
+    lacking: Vec<(PathBuf, String)>,
     /// Files whose names materials write in another way, with other upper and lower case or backslashes: as written, as found.
     respelled: Vec<(PathBuf, PathBuf)>,
     /// Files that lie elsewhere than materials write: as written, as found.
@@ -52,7 +58,7 @@ impl Textures {
     /// None yet; they and what reading them takes stay within `memory`, and their files within `reach`.
     pub(super) fn within(memory: MemoryBound, reach: FileAccess) -> Self {
         let (known, missing, respelled, moved) = (HashMap::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled, moved }
+        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, lacking: Vec::new(), respelled, moved }
     }
 
     /// The texture that a material names in a folder. First `name` as it is written is tried; then names that differ
@@ -73,7 +79,7 @@ impl Textures {
         let found = find_as_elsewhere(folder, name);
         let is_moved = found.is_none();
         let Some(found) = found.or_else(|| find_moved(folder, name)) else {
-            self.miss(written, asked_by);
+            self.miss(written, usage, asked_by);
             return Ok(None);
         };
         self.reach.admit(&found, asked_by)?;
@@ -85,9 +91,10 @@ impl Textures {
         self.get(&found, usage, warnings).map(Some)
     }
 
-    fn miss(&mut self, written: PathBuf, asked_by: &str) {
-        if self.missing.iter().all(|(path, _)| *path != written) {
-            self.missing.push((written, asked_by.to_owned()));
+    fn miss(&mut self, written: PathBuf, usage: TextureUse, asked_by: &str) {
+        let list = if usage == TextureUse::Numbers { &mut self.lacking } else { &mut self.missing };
+        if list.iter().all(|(path, _)| *path != written) {
+            list.push((written, asked_by.to_owned()));
         }
     }
 
@@ -111,6 +118,12 @@ impl Textures {
                 "textures are not where they are said to be"
             };
             warnings.push(format!("{count} {are}: {written} is read from {found}"));
+        }
+        if let Some((path, by)) = self.lacking.first() {
+            let (count, path) = (self.lacking.len(), path.display());
+            warnings.push(format!(
+                "{count} textures of roughness, metal or normals are missing and left out: the first, {path} ({by})"
+            ));
         }
         if self.missing.is_empty() {
             return Ok(());
@@ -161,42 +174,13 @@ impl Textures {
             }
             ImageSource::Colours(texture) => {
                 let path = Path::new(&texture.name);
-                let bytes = (texture.texels.len() * size_of::<[f32; 4]>()) as u64;
+                let bytes = texture.texels.bytes();
                 self.admit(path, bytes)?;
                 self.memory.take(bytes, path)?;
                 self.list.push(Texture::clone(texture));
                 Ok(Some(TextureId(self.list.len() as u32 - 1)))
             }
         }
-    }
-
-    /// The average of an image that holds numbers and no colours; none where it is missing.
-    ///
-    /// # Errors
-    /// What is no image, or does not fit the memory.
-    pub(super) fn average(&mut self, source: &ImageSource, asked_by: &str) -> Result<Option<[f32; 3]>> {
-        let (facts, path, bytes) = match source {
-            ImageSource::Embedded(name, bytes) => (embedded_facts(name, bytes)?, name.clone(), Some(bytes)),
-            ImageSource::File(folder, name) => match find_as_elsewhere(folder, name) {
-                Some(path) => {
-                    self.reach.admit(&path, asked_by)?;
-                    (image_facts(&path)?, path, None)
-                }
-                None => {
-                    self.miss(folder.join(name), asked_by);
-                    return Ok(None);
-                }
-            },
-            ImageSource::Colours(_) => return Ok(None),
-        };
-        self.memory.check(facts.needs_bytes, &path)?;
-        let image = bytes.map_or_else(|| read_rgba(&path), |bytes| read_embedded(&path, bytes))?;
-        let mut sums = [0.0f64; 3];
-        for pixel in &image.pixels {
-            // What was decoded from sRGB was no colour.
-            sums.iter_mut().zip(pixel).for_each(|(sum, v)| *sum += f64::from(encode_srgb(*v)));
-        }
-        Ok(Some(sums.map(|sum| (sum / image.pixels.len() as f64) as f32)))
     }
 
     /// Counts the bytes of a texture. Errors: more than a scene's textures may take.
@@ -224,39 +208,66 @@ impl Textures {
     ) -> Result<TextureId> {
         let (width, height) = (facts.width, facts.height);
         warnings.extend(facts.notes.iter().map(|note| format!("{}: {note}", path.display())));
-        let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
-        self.admit(path, bytes)?;
+        // Eight bits a channel at least of what is encoded; what takes more is counted when that is known.
+        let texel = if facts.is_encoded { size_of::<[u8; 4]>() } else { size_of::<[f32; 4]>() } as u64;
+        let least = u64::from(width) * u64::from(height) * texel;
+        self.admit(path, least)?;
+        self.memory.check(facts.needs_bytes, path)?;
+        let image = read()?;
+        let (texels, mended) = texels_of(image, usage);
+        let bytes = texels.bytes();
+        self.admit(path, bytes - least)?;
+        self.memory.take(bytes, path)?;
         if bytes > LARGE_BYTES {
             let name = path.display();
             warnings.push(format!("{name}: the texture has {width} × {height} pixels and takes {}", gib(bytes)));
         }
-        // The image as it is read, and the texels that are made of it.
-        self.memory.check(facts.needs_bytes, path)?;
-        let mut image = read()?;
-        self.memory.take(bytes, path)?;
-        let largest = if usage == TextureUse::Emission { f32::MAX } else { 1.0 };
-        let has_alpha = image.has_alpha;
-        let mut mended = false;
-        let mut mend = |v: f32| {
-            let clamped = if v.is_finite() { v.clamp(0.0, largest) } else { 0.0 };
-            mended |= clamped != v;
-            clamped
-        };
-        let mut texel = |[r, g, b, a]: [f32; 4]| match usage {
-            TextureUse::CutOut => [r, g, b, if has_alpha { a } else { r }],
-            TextureUse::Masked(scale) => [mend(r), mend(g), mend(b), a * f32::from_bits(scale)],
-            TextureUse::Reflectance | TextureUse::Emission => [mend(r), mend(g), mend(b), a],
-        };
-        image.pixels.iter_mut().for_each(|pixel| *pixel = texel(*pixel));
         if mended {
             warnings.push(format!("{}: values that no surface can have were clamped", path.display()));
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.list.push(Texture { name, width: image.width, height: image.height, texels: image.pixels });
+        self.list.push(Texture { name, width, height, texels });
         let id = TextureId(self.list.len() as u32 - 1);
         self.known.insert((path.to_owned(), usage), id);
         Ok(id)
     }
+}
+
+/// The texels of an image for a use, and whether values were mended. Eight bits stay eight bits.
+fn texels_of(mut image: RgbaImage, usage: TextureUse) -> (Texels, bool) {
+    let has_alpha = image.has_alpha;
+    if image.is_8_bit {
+        let codes: [f32; 256] = std::array::from_fn(|code| decode_srgb(code as f32 / 255.0));
+        let code = |v: f32| codes.partition_point(|&known| known < v - 1e-6).min(255) as u8;
+        let number = |v: f32| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+        let texel = |[r, g, b, a]: &[f32; 4]| {
+            let alpha = match usage {
+                TextureUse::Opacity if !has_alpha => code(*r),
+                TextureUse::Masked(scale) => number(a * f32::from_bits(scale)),
+                _ => number(*a),
+            };
+            [code(*r), code(*g), code(*b), alpha]
+        };
+        let texels = image.pixels.iter().map(texel).collect();
+        let is_colour = !matches!(usage, TextureUse::Numbers);
+        return (if is_colour { Texels::Colours8(texels) } else { Texels::Numbers8(texels) }, false);
+    }
+    let largest = if usage == TextureUse::Emission { f32::MAX } else { 1.0 };
+    let mut mended = false;
+    let mut mend = |v: f32| {
+        let clamped = if v.is_finite() { v.clamp(0.0, largest) } else { 0.0 };
+        mended |= clamped != v;
+        clamped
+    };
+    let mut texel = |[r, g, b, a]: [f32; 4]| match usage {
+        TextureUse::Opacity => [r, g, b, mend(if has_alpha { a } else { r })],
+        TextureUse::Masked(scale) => [mend(r), mend(g), mend(b), a * f32::from_bits(scale)],
+        // What was decoded from sRGB was no colour.
+        TextureUse::Numbers if image.is_encoded => [r, g, b, a].map(encode_srgb),
+        TextureUse::Reflectance | TextureUse::Emission | TextureUse::Numbers => [mend(r), mend(g), mend(b), a],
+    };
+    image.pixels.iter_mut().for_each(|pixel| *pixel = texel(*pixel));
+    (Texels::Floats(image.pixels), mended)
 }
 
 /// The file of this name in a folder. Each part is matched exactly if possible, otherwise in any case; backslashes may

@@ -12,12 +12,12 @@ use std::f32::consts::TAU;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::bsdf::{Bsdf, cosine_hemisphere};
+use super::bsdf::{Bsdf, Lobes, cosine_hemisphere};
 use super::cap::{cap_direction, cap_height_of};
 use super::frame::ShadingFrame;
 use super::sampler::{Dimension, Sampler};
 use super::segment::End;
-use super::vertex::PathVertex;
+use super::vertex::{PathRay, PathVertex};
 use super::world::{SurfacePoint, World};
 use crate::scene::{Emitter, PointEmitter};
 
@@ -75,7 +75,6 @@ struct Cone {
 
 /// A guided ray.
 pub(super) struct Guided {
-    pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     /// Density of the direction by the BSDF.
     pub(super) pdf: f32,
@@ -102,10 +101,10 @@ impl Guide {
         (!places.is_empty()).then_some(Self { places })
     }
 
-    /// Whether rays are guided from a surface: a diffuse one.
+    /// Whether rays are guided from a surface: a diffuse one that scatters to one side.
     #[inline(always)]
     pub(super) fn serves(bsdf: &Bsdf) -> bool {
-        matches!(bsdf, Bsdf::Lambert { .. } | Bsdf::Coated { .. })
+        bsdf.lobes().has(Lobes::DIFFUSE_REFLECTION) && !bsdf.lobes().is_two_sided()
     }
 
     /// A ray into a place from a diffuse vertex, sent with a probability of `chance`. `None` if it is not sent or does not
@@ -130,7 +129,7 @@ impl Guide {
         let origin = from.point.start(direction);
         let position = world.intersect(origin, direction, rays)?.position;
         let guided = chance * self.pdf((from.point.position, from.frame.z), direction, position);
-        (guided > 0.0).then(|| Guided { origin, direction, pdf, weight: value / (pdf + guided) })
+        (guided > 0.0).then(|| Guided { direction, pdf, weight: value / (pdf + guided) })
     }
 
     /// The weight of a path whose own ray, scattered with the density `pdf` at a diffuse vertex, arrives at a point, where
@@ -263,9 +262,14 @@ fn emitted(world: &World, lamp: usize, ray: u32) -> Option<(Vec3, Vec3)> {
         Emitter::Point(PointEmitter::Spot { position, direction, outer_radians, .. }) => {
             Some((*position, cap_direction(*direction, 1.0 - outer_radians.cos(), way)))
         }
-        Emitter::Point(PointEmitter::Point { position } | PointEmitter::Ies { position, .. }) => {
-            Some((*position, cap_direction(Vec3::Z, 2.0, way)))
+        Emitter::Point(PointEmitter::Ball { position, cone: Some(cone), .. }) => {
+            Some((*position, cap_direction(cone.direction, 1.0 - cone.outer_radians.cos(), way)))
         }
+        Emitter::Point(
+            PointEmitter::Point { position }
+            | PointEmitter::Ies { position, .. }
+            | PointEmitter::Ball { position, cone: None, .. },
+        ) => Some((*position, cap_direction(Vec3::Z, 2.0, way))),
         Emitter::Area(light) => {
             let mesh = &world.scene.mesh;
             // Triangles of a lamp are alike enough to take each as often.
@@ -289,9 +293,9 @@ fn lit_point(world: &World, (origin, direction): (Vec3, Vec3), near: f32) -> Opt
     let start = origin + direction * (1e-4 * near);
     let point = world.intersect(start, direction, &mut 0)?;
     let distance = point.position.distance(origin);
-    let at = PathVertex::new(world, point, direction);
+    let at = PathVertex::new(world, point, &PathRay::new(start, direction), || 0.5);
     let is_lamp = world.scene.mesh.triangles[point.triangle as usize].emitter.is_some();
-    let scatters = at.bsdf.is_non_specular() && !is_lamp && at.bsdf.albedo(at.wo) != Vec3::ZERO;
+    let scatters = at.bsdf.lobes().is_non_specular() && !is_lamp && at.bsdf.albedo(at.wo) != Vec3::ZERO;
     let lit = LitPoint { position: point.position, normal: at.normal, point };
     (scatters && distance < near).then_some((lit, distance))
 }

@@ -15,13 +15,13 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
-use super::bsdf::{Bsdf, Scattered};
+use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
 use super::guiding::{self, Guide, Guided};
-use super::lights::{EmitterHit, LightPmf, SeenLight};
+use super::lights::{EmitterHit, LightPmf, Receiver, SeenLight};
 use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
-use super::sampler::{Dimension, Sampler};
-use super::vertex::{PathVertex, power_heuristic};
+use super::sampler::{Dimension, KIND_DIMENSION, Sampler};
+use super::vertex::{PathRay, PathVertex, power_heuristic};
 use super::world::{MAX_PASSES, World};
 use crate::scene::{Camera, PixelFilter};
 
@@ -63,9 +63,7 @@ pub(super) struct Paths<'a> {
 
 /// The last non-specular vertex of a path, for the MIS weights of the light it finds.
 struct Last {
-    position: Vec3,
-    /// Shading normal.
-    normal: Vec3,
+    from: Receiver,
     /// Solid-angle density of the sampled direction. `None` if no light sample could have made it.
     pdf: Option<f32>,
     cosine: f32,
@@ -115,7 +113,7 @@ impl Last {
         let chance = std::mem::take(&mut self.guided);
         match (guide, self.pdf) {
             (Some(guide), Some(pdf)) if chance > 0.0 => {
-                guide.weight((self.position, self.normal), chance, pdf, direction, found.point.position)
+                guide.weight((self.from.position, self.from.normal), chance, pdf, direction, found.point.position)
             }
             _ => 1.0,
         }
@@ -123,16 +121,10 @@ impl Last {
 
     /// The start of a ray that no light sample could have made.
     #[inline(always)]
-    fn only(position: Vec3, normal: Vec3) -> Self {
-        Self { position, normal, pdf: None, cosine: 0.0, light_samples: 0.0, guided: 0.0, gathered: None }
+    fn only(ray: &PathRay) -> Self {
+        let from = Receiver { position: ray.origin, normal: ray.direction, two_sided: false };
+        Self { from, pdf: None, cosine: 0.0, light_samples: 0.0, guided: 0.0, gathered: None }
     }
-}
-
-/// A ray of a path.
-#[derive(Clone, Copy)]
-struct PathRay {
-    origin: Vec3,
-    direction: Vec3,
 }
 
 /// A delta branch: the ray that leaves a boundary along the branch that the path does not take.
@@ -152,11 +144,11 @@ impl DeltaBranch {
     /// Continues along one scattered direction of the surface that the branch has reached, with a share of its light.
     /// `None` if that direction does not leave the surface. At `max_depth` only straight transmission continues.
     #[inline(always)]
-    fn onward(&self, at: &PathVertex, way: &Scattered, share: f32, max_depth: u32) -> Option<Self> {
+    fn onward(&self, world: &World, at: &PathVertex, way: &Scattered, share: f32, max_depth: u32) -> Option<Self> {
         if self.vertex + 1 >= max_depth && !way.pass_through {
             return None;
         }
-        at.onward(self.ray.direction, way).map(|ray| Self {
+        at.onward(world, &self.ray, way).map(|ray| Self {
             ray,
             throughput: self.throughput * way.weight,
             share: self.share * share,
@@ -169,8 +161,7 @@ impl DeltaBranch {
     /// Continues straight through the surface that it has reached, as if that were absent.
     #[inline(always)]
     fn past(self, at: &PathVertex) -> Self {
-        let direction = self.ray.direction;
-        Self { ray: PathRay { origin: at.point.start(direction), direction }, passes: self.passes + 1, ..self }
+        Self { ray: at.past(&self.ray), passes: self.passes + 1, ..self }
     }
 
     /// Likewise, with the surface's transmittance.
@@ -228,12 +219,13 @@ pub(super) fn trace_sample(
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
+    let ray = PathRay::new(camera.eye, camera.direction(position));
     let begin = Begin {
-        ray: PathRay { origin: camera.eye, direction: camera.direction(position) },
+        ray,
         throughput: Vec3::ONE,
         eta_scale: 1.0,
         layer: LightPath::Emission,
-        last: Last::only(camera.eye, camera.direction(position)),
+        last: Last::only(&ray),
         seen: 1.0,
         vertex: 0,
     };
@@ -256,7 +248,7 @@ impl Paths<'_> {
         sampler: &Sampler,
         record: &mut PathRecord<'_, '_>,
     ) {
-        let (world, PathRay { mut origin, mut direction }) = (self.world, begin.ray);
+        let (world, mut ray) = (self.world, begin.ray);
         let (mut throughput, mut eta_scale) = (begin.throughput, begin.eta_scale);
         let mut last = begin.last;
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
@@ -266,8 +258,9 @@ impl Paths<'_> {
         let (mut vertex, mut passes, mut travelled, mut forks) = (begin.vertex, 0, 0.0, MAX_FORKS);
         let is_branch = begin.seen == 0.0;
         loop {
-            let Some(at) = self.arrive(PathRay { origin, direction }, &last, layer, throughput * seen, record) else { return };
-            throughput *= last.weight_beside_guided(guide, direction, &at);
+            let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + vertex + passes).x;
+            let Some(at) = self.arrive(&ray, kind, &last, layer, throughput * seen, record) else { return };
+            throughput *= at.kept * last.weight_beside_guided(guide, ray.direction, &at);
             if is_branch {
                 seen = 1.0;
             }
@@ -275,15 +268,13 @@ impl Paths<'_> {
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
             if layer == LightPath::Emission {
-                travelled += at.point.position.distance(origin);
+                travelled += at.point.position.distance(ray.origin);
             }
             let here = DeltaBranch { ray, throughput, share: seen, eta_scale, vertex, passes };
             let shown = (layer == LightPath::Emission).then_some(here);
-            if at.opacity < 1.0 && !self.meets(&at, &mut choice.x, shown, &mut forks, sampler, record) {
-                if shown.is_some() && at.shows_no_emitter() {
-                    seen *= 1.0 - at.opacity;
-                }
-                (origin, passes) = (at.point.start(direction), passes + 1);
+            if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
+                passes += 1;
+                ray = at.past(&ray);
                 if passes >= MAX_PASSES {
                     return;
                 }
@@ -292,16 +283,16 @@ impl Paths<'_> {
             if layer == LightPath::Emission && (at.shows_no_emitter() || at_end) {
                 at.show(self.world, &mut record.features, throughput, travelled);
             }
-            if at_end && !at.bsdf.lets_pass() {
+            if at_end && !at.bsdf.lobes().has(Lobes::STRAIGHT) {
                 return;
             }
 
             let (mut light_samples, mut radius) = (0, None);
-            if at.bsdf.is_non_specular() {
+            if at.bsdf.lobes().is_non_specular() {
                 light_samples = if layer == LightPath::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
                 layer = if layer == LightPath::Emission { LightPath::Direct } else { LightPath::Indirect };
                 seen = 1.0;
-                let chances = world.lights.chances(at.point.position, at.frame.z);
+                let chances = world.lights.chances(&at.receiver());
                 for member in 0..light_samples {
                     let pair = sampler.member(Dimension::Light, vertex, member, light_samples);
                     let draw = LightDraw { pair, count: light_samples };
@@ -314,7 +305,7 @@ impl Paths<'_> {
             } else if layer == LightPath::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                if let Some(branch) = here.onward(&at, &way, chance, self.max_depth) {
+                if let Some(branch) = here.onward(world, &at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(branch, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
@@ -326,8 +317,8 @@ impl Paths<'_> {
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Dimension::Scatter, vertex), choice.x) else { return };
             throughput *= next.weight;
             eta_scale *= next.eta_scale;
-            match at.onward(direction, &next) {
-                Some(ray) => PathRay { origin, direction } = ray,
+            match at.onward(world, &ray, &next) {
+                Some(onward) => ray = onward,
                 None => return,
             }
             if next.pass_through {
@@ -349,9 +340,9 @@ impl Paths<'_> {
                 }
             }
             last = if next.singular {
-                Last { gathered: last.gathered, ..Last::only(at.point.position, at.frame.z) }
+                Last { from: at.receiver(), gathered: last.gathered, ..Last::only(&ray) }
             } else {
-                Last { guided, ..at.left_along(direction, (next.pdf, next.wi.z), light_samples, radius) }
+                Last { guided, ..at.left_along(ray.direction, (next.pdf, next.wi.z), light_samples, radius) }
             };
             vertex += 1;
             if vertex >= CERTAIN_VERTICES || is_branch {
@@ -382,9 +373,9 @@ impl Paths<'_> {
         let chance = if layer == LightPath::Direct { guiding::FIRST } else { guiding::LATER };
         let sampler = sampler.branch(vertex);
         if let Some(sent) = guide.sample(self.world, at, chance, sampler, &mut record.cost.rays) {
-            let Guided { origin, direction, pdf, weight } = sent;
+            let Guided { direction, pdf, weight } = sent;
             let last = at.left_along(direction, (pdf, at.frame.z.dot(direction)), light_samples, radius);
-            let (ray, throughput) = (PathRay { origin, direction }, throughput * weight);
+            let (ray, throughput) = (at.ray(self.world, direction), throughput * weight);
             let begin = Begin { ray, throughput, eta_scale, layer, last, seen: 0.0, vertex: vertex + 1 };
             self.follow(begin, None, maps, &sampler, record);
         }
@@ -396,52 +387,58 @@ impl Paths<'_> {
     #[inline(always)]
     fn arrive(
         &self,
-        PathRay { origin, direction }: PathRay,
+        ray: &PathRay,
+        kind: impl FnOnce() -> f32,
         last: &Last,
         layer: LightPath,
         throughput: Vec3,
         record: &mut PathRecord<'_, '_>,
     ) -> Option<PathVertex> {
-        let world = self.world;
+        let (world, &PathRay { origin, direction, .. }) = (self.world, ray);
         let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
             let hit = EmitterHit::beyond(origin, direction);
-            for found in world.lights.beyond(direction, last.cosine, (last.position, last.normal)) {
+            for found in world.lights.beyond(direction, last.cosine, &last.from) {
                 let weight = self.weight_of_found(last, &found, &hit);
                 record.add(layer, found.column, throughput * found.radiance * weight);
             }
             return None;
         };
+        let at = PathVertex::new(world, point, ray, kind);
         if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
             let hit = EmitterHit {
                 position: point.position,
                 normal: point.normal,
                 uv: point.uv,
                 direction,
-                distance: point.position.distance(last.position),
+                distance: point.position.distance(last.from.position),
             };
-            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, (last.position, last.normal)) {
+            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, &last.from) {
                 let weight = self.weight_of_found(last, &found, &hit);
-                record.add(layer, found.column, throughput * found.radiance * weight);
+                record.add(layer, found.column, throughput * at.kept * found.radiance * weight);
             }
         }
-        Some(PathVertex::new(world, point, direction))
+        Some(at)
     }
 
     /// Whether a path hits a partly transparent surface, by a uniform number, which is rescaled to be uniform again.
-    /// Emission behind a surface that it hits is shown by a delta branch, as behind boundaries.
+    /// Emission behind the surface is seen whole, as behind boundaries: with the share `seen`, and by a delta branch.
     #[cold]
     fn meets(
         &self,
         at: &PathVertex,
-        choice: &mut f32,
+        (choice, seen): (&mut f32, &mut f32),
         shown: Option<DeltaBranch>,
         forks: &mut u32,
         sampler: &Sampler,
         record: &mut PathRecord<'_, '_>,
     ) -> bool {
         let meets = *choice < at.opacity;
-        if let Some(here) = shown.filter(|_| meets && at.shows_no_emitter()) {
-            self.trace_delta_branch(here.through(at), forks, sampler, record);
+        if let Some(here) = shown.filter(|_| at.shows_no_emitter()) {
+            if meets {
+                self.trace_delta_branch(here.through(at), forks, sampler, record);
+            } else {
+                *seen *= 1.0 - at.opacity;
+            }
         }
         *choice /= at.opacity;
         meets
@@ -459,10 +456,13 @@ impl Paths<'_> {
     ) {
         while branch.passes < MAX_PASSES {
             let (ray, throughput) = (branch.ray, branch.throughput * branch.share);
-            let last = Last::only(ray.origin, ray.direction);
-            let Some(at) = self.arrive(ray, &last, LightPath::Emission, throughput, record) else { return };
+            let dimension = DELTA_BRANCH_DIMENSION + branch.vertex + branch.passes;
+            let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + dimension).x;
+            let arrived = self.arrive(&ray, kind, &Last::only(&ray), LightPath::Emission, throughput, record);
+            let Some(at) = arrived else { return };
+            branch.throughput *= at.kept;
             let at_end = branch.vertex + 1 >= self.max_depth;
-            let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + branch.vertex + branch.passes);
+            let mut choice = sampler.pair(Dimension::Choice, dimension);
             if at.opacity < 1.0 {
                 if at.shows_no_emitter() {
                     branch = branch.through(&at);
@@ -474,7 +474,7 @@ impl Paths<'_> {
                 }
                 choice.x /= at.opacity;
             }
-            if at.bsdf.is_non_specular() || at_end && !at.bsdf.lets_pass() {
+            if at.bsdf.lobes().is_non_specular() || at_end && !at.bsdf.lobes().has(Lobes::STRAIGHT) {
                 return;
             }
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
@@ -484,12 +484,12 @@ impl Paths<'_> {
                 && chance.min(1.0 - chance) * branch.share > MIN_BRANCH_SHARE
             {
                 *forks -= 1;
-                if let Some(other) = branch.onward(&at, &way, chance, self.max_depth) {
+                if let Some(other) = branch.onward(self.world, &at, &way, chance, self.max_depth) {
                     self.trace_delta_branch(other, forks, sampler, record);
                 }
                 kept = 1.0 - chance;
             }
-            match branch.onward(&at, &next, kept, self.max_depth) {
+            match branch.onward(self.world, &at, &next, kept, self.max_depth) {
                 Some(onward) => branch = onward,
                 None => return,
             }
@@ -519,7 +519,7 @@ impl PathVertex {
     /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
     #[inline(always)]
     fn shows_no_emitter(&self) -> bool {
-        self.bsdf.is_non_specular() || matches!(self.bsdf, Bsdf::Black)
+        self.bsdf.lobes().is_non_specular() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// The features of a sample at its first non-specular vertex.
@@ -543,12 +543,15 @@ impl PathVertex {
         layer: LightPath,
         record: &mut PathRecord<'_, '_>,
     ) {
-        let drawn = world.lights.sample(&world.scene, self.point.position, &self.frame, chances, pair);
+        let receiver = self.receiver();
+        let drawn = world.lights.sample(&world.scene, &receiver, &self.frame, chances, pair);
         let Some(light) = drawn else { return };
-        if light.towards.dot(self.normal) <= 0.0 {
+        let (above, wi) = (light.towards.dot(self.normal), self.frame.to_local(light.towards));
+        // Of surfaces that scatter to both sides, the normals must agree about the side.
+        if above <= 0.0 && !(receiver.two_sided && wi.z < 0.0) || above > 0.0 && wi.z <= 0.0 {
             return;
         }
-        let (value, pdf) = self.bsdf.eval(self.wo, self.frame.to_local(light.towards));
+        let (value, pdf) = self.bsdf.eval(self.wo, wi);
         let value = throughput * value * light.weight / count as f32;
         if value == Vec3::ZERO {
             return;
@@ -573,7 +576,11 @@ impl PathVertex {
     ) -> f32 {
         let (position, normal) = (self.point.position, self.normal);
         let radius = photons.radius_at(position);
-        let at = PhotonGather { map, position, normal, radius, most_segments };
+        if radius == 0.0 {
+            return radius;
+        }
+        let two_sided = self.bsdf.lobes().is_two_sided();
+        let at = PhotonGather { map, position, normal, radius, two_sided, most_segments };
         photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
         radius
     }
@@ -583,15 +590,16 @@ impl PathVertex {
     fn left_along(&self, direction: Vec3, (pdf, cosine): (f32, f32), light_samples: f32, radius: Option<f32>) -> Last {
         let spread = || pdf / direction.dot(self.normal).abs();
         let gathered = radius.map(|radius| GatheredWithin { radius, spread: spread() });
-        let (position, normal) = (self.point.position, self.frame.z);
-        Last { position, normal, pdf: Some(pdf), cosine, light_samples, guided: 0.0, gathered }
+        Last { from: self.receiver(), pdf: Some(pdf), cosine, light_samples, guided: 0.0, gathered }
     }
 
-    /// The ray of a scattered direction of a path that came along `direction`. `None` if it does not leave the surface.
+    /// The ray of a scattered direction of a path that came along `ray`. `None` if it does not leave the surface.
     #[inline(always)]
-    fn onward(&self, direction: Vec3, next: &Scattered) -> Option<PathRay> {
-        let direction = if next.pass_through { direction } else { self.leaving(next)? };
-        Some(PathRay { origin: self.point.start(direction), direction })
+    fn onward(&self, world: &World, ray: &PathRay, next: &Scattered) -> Option<PathRay> {
+        if next.pass_through {
+            return Some(self.past(ray));
+        }
+        Some(self.ray(world, self.leaving(next)?))
     }
 }
 
@@ -608,12 +616,13 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
     #[inline(always)]
     fn take(&mut self, gathered: &PhotonGroup) {
         let vertex = self.vertex;
+        let two_sided = vertex.bsdf.lobes().is_two_sided();
         let (mut values, mut pdfs) = ([[0.0f32; LANES]; 3], [0.0f32; LANES]);
         let along = |axis: Vec3, lane: usize| {
             let [x, y, z] = &gathered.towards;
             x[lane] * axis.x + y[lane] * axis.y + z[lane] * axis.z
         };
-        if let Bsdf::Lambert { reflectance } = vertex.bsdf {
+        if let Bsdf::Lambert(Lambert { reflectance }) = vertex.bsdf {
             // As `Bsdf::eval`, for all lanes at once.
             for lane in 0..LANES {
                 let z = along(vertex.frame.z, lane);
@@ -624,7 +633,11 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
         } else {
             for lane in (0..LANES).filter(|lane| gathered.mask >> lane & 1 == 1) {
                 let [x, y, z] = gathered.towards.map(|axis| axis[lane]);
-                let (value, pdf) = vertex.bsdf.eval(vertex.wo, vertex.frame.to_local(Vec3::new(x, y, z)));
+                let wi = vertex.frame.to_local(Vec3::new(x, y, z));
+                if (wi.z > 0.0) != (along(vertex.normal, lane) > 0.0) {
+                    continue;
+                }
+                let (value, pdf) = vertex.bsdf.eval(vertex.wo, wi);
                 pdfs[lane] = pdf;
                 (0..3).for_each(|channel| values[channel][lane] = value[channel]);
             }
@@ -632,7 +645,8 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
         // Photon cosines refer to the geometric normal, not to the shading normal.
         let (mut cosines, mut spread) = ([0.0f32; LANES], [0.0f32; LANES]);
         for lane in 0..LANES {
-            cosines[lane] = along(vertex.normal, lane);
+            let cosine = along(vertex.normal, lane);
+            cosines[lane] = if two_sided { cosine.abs() } else { cosine };
             spread[lane] = pdfs[lane] / cosines[lane];
         }
         let weights = gathered.weights(self.expected, &spread);

@@ -19,6 +19,7 @@ mod lights;
 mod photon_targets;
 mod photons;
 mod planes;
+mod relief;
 mod sampler;
 mod scales;
 mod segment;

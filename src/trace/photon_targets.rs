@@ -198,6 +198,9 @@ fn is_delta(surface: &Surface) -> bool {
         Surface::Mirror { .. } | Surface::Dielectric { .. } => true,
         // Without a change of index, a sheet reflects nothing.
         Surface::ThinDielectric { ior, .. } => ior != 1.0,
+        Surface::Principled(ref surface) => {
+            !surface.transmission.is(0.0) && (!surface.is_thin || surface.ior != 1.0) && surface.may_be_smooth()
+        }
         Surface::Lambert { .. } | Surface::RoughConductor { .. } | Surface::Coated { .. } | Surface::Black => false,
     }
 }

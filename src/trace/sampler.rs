@@ -20,6 +20,9 @@ pub(super) enum Dimension {
     Choice,
 }
 
+/// Added to the number of a vertex for the choice of its kind, where a surface is of two.
+pub(super) const KIND_DIMENSION: u32 = 1 << 17;
+
 const USES: u32 = 4;
 
 /// The random numbers of one sample of one pixel.

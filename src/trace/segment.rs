@@ -7,6 +7,9 @@ use super::bvh::Ray;
 /// A surface is absent where its cut-out map is below this.
 pub(super) const CUT_OUT: f32 = 0.5;
 
+/// A surface whose opacity comes from a map is absent where that is below this: less than half a step of eight bits.
+pub(super) const CLEAR: f32 = 0.5 / 255.0;
+
 /// Half the distance between 1 and the next f32: the largest relative rounding error.
 pub(super) const ROUNDING: f32 = 0.5 * f32::EPSILON;
 

@@ -28,9 +28,9 @@ impl TracerMemory<'_> {
     /// Arrays and textures of the scene, and the BVH.
     fn scene_bytes(&self) -> u64 {
         let mesh = &self.scene.mesh;
-        let texels: usize = self.scene.textures.iter().map(|texture| texture.texels.len()).sum();
+        let textures: u64 = self.scene.textures.iter().map(|texture| texture.texels.bytes()).sum();
         let vertices = size_of_val(&*mesh.vertices);
-        (vertices + texels * 16 + mesh.triangles.len() * (BVH_TRIANGLE_BYTES + size_of::<Triangle>())) as u64
+        textures + (vertices + mesh.triangles.len() * (BVH_TRIANGLE_BYTES + size_of::<Triangle>())) as u64
     }
 
     /// The photons, while the last of them are sorted.

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::bsdf::{Bsdf, Scattered};
 use super::frame::ShadingFrame;
+use super::lights::Receiver;
 use super::world::{SurfacePoint, World};
 
 /// Sine of the elevation that a direction below the surface is raised to.
@@ -20,16 +21,64 @@ pub(super) struct PathVertex {
     pub(super) wo: Vec3,
     /// Probability that a ray hits the surface; otherwise it passes straight through.
     pub(super) opacity: f32,
+    /// What is kept of light on the segment to the viewer.
+    pub(super) kept: Vec3,
+}
+
+/// A ray of a path.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PathRay {
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    /// Absorption of the body that it leaves into, per unit length.
+    pub(super) absorption: Vec3,
+}
+
+impl PathRay {
+    pub(super) fn new(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, direction, absorption: Vec3::ZERO }
+    }
 }
 
 impl PathVertex {
     #[inline(always)]
-    pub(super) fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
+    pub(super) fn new(world: &World, mut point: SurfacePoint, ray: &PathRay, chance: impl FnOnce() -> f32) -> Self {
+        let direction = ray.direction;
         let front = point.normal.dot(direction) < 0.0;
-        let bsdf = world.bsdf(&point, front);
-        let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
-        let opacity = world.material(&point).opacity;
-        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
+        let bsdf = world.bsdf(&point, front, chance);
+        if let Some(relief) = world.material(&point).relief {
+            point.shading_normal = seen(world.relief(&point, relief), if front { -direction } else { direction });
+        }
+        let (normal, frame) = facing(&point, direction, front, bsdf.lobes().has_direction());
+        let opacity = world.opacity(&point);
+        let mut kept = Vec3::ONE;
+        if world.absorbs {
+            // A ray that ends on the back of a body has come through it, wherever it began.
+            let behind = if front { Vec3::ZERO } else { world.absorption(&point) };
+            kept = (-ray.absorption.max(behind) * point.position.distance(ray.origin)).exp();
+        }
+        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity, kept }
+    }
+
+    /// The ray that leaves along a direction.
+    #[inline(always)]
+    pub(super) fn ray(&self, world: &World, direction: Vec3) -> PathRay {
+        let is_inside = world.absorbs && direction.dot(self.point.normal) < 0.0;
+        let absorption = if is_inside { world.absorption(&self.point) } else { Vec3::ZERO };
+        PathRay { origin: self.point.start(direction), direction, absorption }
+    }
+
+    /// The ray that passes straight through, as if the surface were absent.
+    #[inline(always)]
+    pub(super) fn past(&self, ray: &PathRay) -> PathRay {
+        PathRay { origin: self.point.start(ray.direction), ..*ray }
+    }
+
+    /// As a receiver of light.
+    #[inline(always)]
+    pub(super) fn receiver(&self) -> Receiver {
+        let two_sided = self.bsdf.lobes().is_two_sided();
+        Receiver { position: self.point.position, normal: self.frame.z, two_sided }
     }
 
     /// The world direction of a scattered direction. `None` if it is above the shading normal's plane but not above the
@@ -51,10 +100,10 @@ impl PathVertex {
 /// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that no
 /// reflection is lost. Other surfaces get the geometric normal if theirs turns away.
 #[inline(always)]
-fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, ShadingFrame) {
+fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_direction: bool) -> (Vec3, ShadingFrame) {
     let side = if front { 1.0 } else { -1.0 };
     let (normal, shading) = (point.normal * side, point.shading_normal * side);
-    if !has_lobe {
+    if !has_direction {
         return (normal, ShadingFrame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }));
     }
     let mirrored = direction - 2.0 * shading.dot(direction) * shading;
@@ -62,6 +111,13 @@ fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) ->
         return (normal, ShadingFrame::around(shading));
     }
     (normal, ShadingFrame::around((lifted(mirrored, normal) - direction).try_normalize().unwrap_or(normal)))
+}
+
+/// A normal of a relief that the viewer sees: one that turns away is turned just far enough.
+#[inline(always)]
+fn seen(normal: Vec3, viewer: Vec3) -> Vec3 {
+    let cosine = normal.dot(viewer);
+    if cosine >= GRAZING { normal } else { (normal + (GRAZING - cosine) * viewer).try_normalize().unwrap_or(viewer) }
 }
 
 /// The direction nearest to one below the surface that is just above it.

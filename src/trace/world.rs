@@ -7,9 +7,10 @@ use glam::{Vec2, Vec3};
 use super::bsdf::Bsdf;
 use super::bvh::{Bvh, BvhTriangle, Occlusion, Ray};
 use super::lights::LightSampler;
-use super::segment::{CUT_OUT, End, ROUNDING};
+use super::relief::Slopes;
+use super::segment::{CLEAR, CUT_OUT, End, ROUNDING};
 use crate::error::{Error, Result};
-use crate::scene::{Material, Scene, Surface};
+use crate::scene::{Material, Relief, Scene, Surface, TextureId};
 
 /// Largest number of cut-outs and thin sheets that a ray passes straight through. It is more than any scene has in a
 /// row, and bounds the time of a bad scene.
@@ -36,6 +37,8 @@ const MAX_RAISED: f32 = 1.0 / 64.0;
 pub(super) struct World {
     pub(super) scene: Arc<Scene>,
     pub(super) lights: LightSampler,
+    /// Whether any body absorbs light.
+    pub(super) absorbs: bool,
     bvh: Bvh,
 }
 
@@ -74,7 +77,8 @@ impl World {
             .map(|t| BvhTriangle { corners: mesh.corners(t), see_through: see_through[t.material.0 as usize] })
             .collect();
         let (bvh, lights) = (Bvh::build(&triangles), LightSampler::new(&scene)?);
-        Ok(Self { scene, lights, bvh })
+        let absorbs = scene.materials.iter().any(|material| material.absorption != Vec3::ZERO);
+        Ok(Self { scene, lights, absorbs, bvh })
     }
 
     /// The BVH.
@@ -117,8 +121,8 @@ impl World {
             let point = self.surface_point(hit.triangle, hit.u, hit.v);
             if !self.is_cut_out(&point) {
                 let cosine = point.shading_normal.dot(ray.direction.normalize_or_zero()).abs();
-                let opacity = self.material(&point).opacity;
-                kept *= (1.0 - opacity) + opacity * self.bsdf(&point, true).straight_transmittance(cosine);
+                let opacity = self.opacity(&point);
+                kept *= (1.0 - opacity) + opacity * self.straight_transmittance(&point, cosine);
                 if kept == Vec3::ZERO {
                     return kept;
                 }
@@ -143,16 +147,62 @@ impl World {
         &self.scene.materials[self.material_index(point) as usize]
     }
 
-    /// The BSDF at a point seen from its front or back.
+    /// The BSDF at a point seen from its front or back. `chance` gives a uniform number, where a surface is of two kinds.
     #[inline(always)]
-    pub(super) fn bsdf(&self, point: &SurfacePoint, front: bool) -> Bsdf {
-        Bsdf::resolve(&self.material(point).surface, &self.scene.textures, point.uv, front)
+    pub(super) fn bsdf(&self, point: &SurfacePoint, front: bool, chance: impl FnOnce() -> f32) -> Bsdf {
+        let surface = &self.material(point).surface;
+        let chance = match surface {
+            Surface::Principled(surface) if surface.is_mixed() => chance(),
+            _ => 0.0,
+        };
+        Bsdf::resolve(surface, &self.scene.textures, point.uv, front, chance)
     }
 
+    /// What passes straight of light that meets a surface.
+    fn straight_transmittance(&self, point: &SurfacePoint, cosine: f32) -> Vec3 {
+        let share = match &self.material(point).surface {
+            Surface::Principled(surface) => surface.glass_at(&self.scene.textures, point.uv),
+            _ => 1.0,
+        };
+        if share > 0.0 { share * self.bsdf(point, true, || 0.0).straight_transmittance(cosine) } else { Vec3::ZERO }
+    }
+
+    /// Share of the light that meets the surface.
+    #[inline(always)]
+    pub(super) fn opacity(&self, point: &SurfacePoint) -> f32 {
+        let Material { opacity, opacity_map, .. } = self.material(point);
+        let map = |id: TextureId| self.scene.textures[id.0 as usize].sample(point.uv)[3].clamp(0.0, 1.0);
+        opacity_map.map_or(*opacity, |id| opacity * map(id))
+    }
+
+    /// Whether nothing is there: cut out, or wholly transparent by a map.
     #[inline(always)]
     fn is_cut_out(&self, point: &SurfacePoint) -> bool {
-        let cutout = self.material(point).cutout;
-        cutout.is_some_and(|id| self.scene.textures[id.0 as usize].sample(point.uv)[3] < CUT_OUT)
+        let Material { cutout, opacity_map, .. } = self.material(point);
+        if cutout.is_none() && opacity_map.is_none() {
+            return false;
+        }
+        let alpha = |id: TextureId| self.scene.textures[id.0 as usize].sample(point.uv)[3];
+        cutout.is_some_and(|id| alpha(id) < CUT_OUT) || opacity_map.is_some_and(|id| alpha(id) < CLEAR)
+    }
+
+    /// Absorption behind the front of a surface.
+    #[inline(always)]
+    pub(super) fn absorption(&self, point: &SurfacePoint) -> Vec3 {
+        if self.absorbs { self.material(point).absorption } else { Vec3::ZERO }
+    }
+
+    /// The shading normal on the front, with the relief of the material.
+    #[cold]
+    pub(super) fn relief(&self, point: &SurfacePoint, relief: Relief) -> Vec3 {
+        let [p, q, r] = self.scene.mesh.vertices_of(&self.scene.mesh.triangles[point.triangle as usize]);
+        let (edges, steps) = ([q.position - p.position, r.position - p.position], [q.uv - p.uv, r.uv - p.uv]);
+        let slopes = Slopes::of(edges, steps);
+        let texture = |id: TextureId| &self.scene.textures[id.0 as usize];
+        slopes.map_or(point.shading_normal, |slopes| match relief {
+            Relief::Normals(id, scale) => slopes.mapped(point.shading_normal, texture(id).sample(point.uv), scale),
+            Relief::Heights(id, scale) => slopes.raised(point.shading_normal, texture(id).slope(point.uv) * scale),
+        })
     }
 
     #[inline(always)]
@@ -204,5 +254,10 @@ impl SurfacePoint {
 }
 
 fn is_see_through(material: &Material) -> bool {
-    material.cutout.is_some() || material.opacity < 1.0 || matches!(material.surface, Surface::ThinDielectric { .. })
+    let passes = match &material.surface {
+        Surface::ThinDielectric { .. } => true,
+        Surface::Principled(surface) => surface.is_thin && !surface.transmission.is(0.0),
+        _ => false,
+    };
+    passes || material.cutout.is_some() || material.opacity_map.is_some() || material.opacity < 1.0
 }

@@ -39,6 +39,8 @@ pub(super) const CASES: &[Case] = &[
     case("a lamp's range", Warned, range),
     case("a lamp of another type, such as `ambient`", Warned, other_lamps),
     case("lamps and meshes under roots in millimetres, in inches, mirrored, or stretched", Read, roots),
+    case("textures of roughness, metal, transmission and normals", Read, textures_of_numbers),
+    case("alpha mode BLEND", Read, blended),
     case("`EXT_mesh_gpu_instancing`", Read, instances),
     case("`KHR_node_visibility`", Read, visibility),
     case("WebP textures (`EXT_texture_webp`)", Read, webp),
@@ -309,6 +311,31 @@ fn webp() {
     near(middle(load(&folder.path().join("a.gltf")).unwrap().scene), Vec3::new(PLAIN, 0.0, 0.0));
 }
 
+/// White is a texture of 1 and of a normal that leans; the floor is what its factors say.
+fn textures_of_numbers() {
+    let mut json = textured(json!({ "source": 0 }), Some(&bytes_of(WEBP)), [0.5, 0.25]);
+    // Red, as its colour: neither metal nor rough, and of a normal along the surface, without a scale.
+    json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({ "index": 0 });
+    json["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
+    json["materials"][0]["normalTexture"] = json!({ "index": 0, "scale": 0 });
+    let loaded = read(&json);
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    near(middle(loaded.scene), Vec3::new(PLAIN, 0.0, 0.0));
+}
+
+fn blended() {
+    for alpha in [0.25, 0.75] {
+        let loaded = read(&changed(|json| {
+            json["materials"][0]["alphaMode"] = json!("BLEND");
+            json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = json!(alpha);
+        }));
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        let found = middle(loaded.scene);
+        // 9,216 paths, of which each meets the floor or not.
+        assert!((found / PLAIN - alpha as f32).abs().max_element() < 0.02, "{alpha}: {found}");
+    }
+}
+
 fn fallback() {
     let both = json!({ "source": 0, "extensions": { "KHR_texture_basisu": { "source": 7 } } });
     let mut json = textured(both, Some(&bytes_of(WEBP)), [0.5, 0.25]);
@@ -484,9 +511,9 @@ fn skins() {
 
 fn used_extension() {
     let used = changed(|json| {
-        push(json, "extensionsUsed", json!("KHR_materials_sheen"));
+        push(json, "extensionsUsed", json!("KHR_materials_iridescence"));
     });
-    as_plain_but_says(&used, "left out: KHR_materials_sheen");
+    as_plain_but_says(&used, "left out: KHR_materials_iridescence");
     // What changes no picture is not worth a line.
     as_plain(&changed(|json| {
         for name in ["EXT_mesh_features", "EXT_structural_metadata", "KHR_materials_variants", "KHR_xmp_json_ld"] {

@@ -3,7 +3,8 @@
 use std::f32::consts::PI;
 use std::path::Path;
 
-use ltm::scene::{LoadedScene, Material, Paint, Surface};
+use glam::Vec2;
+use ltm::scene::{FloatTexture, LoadedScene, Material, Paint, Relief, Surface};
 
 use super::Outcome::{Converted, Read, Warned};
 use super::room::{FACES, Folder, MATERIALS, VERTICES, seen};
@@ -110,6 +111,14 @@ pub(super) const CASES: &[Case] = &[
         outcome: Read,
         test: overruled,
     },
+    Case {
+        format: "MTL",
+        input: "`map_Pr`, `map_Pm`, `norm`, `map_Bump` and `bump`",
+        outcome: Read,
+        test: maps_of_numbers,
+    },
+    Case { format: "MTL", input: "the same maps, missing", outcome: Warned, test: missing_maps_of_numbers },
+    Case { format: "MTL", input: "`map_d` between 0 and 1", outcome: Read, test: opacity_by_map },
 ];
 
 pub(super) const COLLECTIONS: &[Collection] = &[Collection { folder: "32-mtl-dialects", test: dialects }];
@@ -196,6 +205,33 @@ fn placed_maps() {
         loaded.scene.mesh.vertices[..4].iter().map(|vertex| vertex.uv.to_array()).collect();
     corners.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
     assert_eq!(corners, [[0.5, 0.25], [0.5, 2.25], [4.5, 0.25], [4.5, 2.25]]);
+}
+
+fn maps_of_numbers() {
+    let text = "newmtl grey\nKd 0.5 0.5 0.5\nPr 1\nPm 0.5\nmap_Pr wood.png\nmap_Pm wood.png\nmap_Bump -bm 2 wood.png\n";
+    let loaded = textured(text).loads(&[]);
+    let grey = material(&loaded, "grey");
+    let Surface::Principled(found) = grey.surface else { panic!("{:?}", grey.surface) };
+    let at = |level: FloatTexture| level.at(&loaded.scene.textures, Vec2::splat(0.5));
+    // 188 of 255, which is a number here.
+    assert!((at(found.roughness) - 188.0 / 255.0).abs() < 1e-6 && (at(found.metallic) - 94.0 / 255.0).abs() < 1e-6);
+    // Grey is a map of heights, which is even here: the floor looks as without.
+    assert!(
+        matches!(grey.relief, Some(Relief::Heights(_, factor)) if (factor - 0.02).abs() < 1e-6),
+        "{:?}",
+        grey.relief
+    );
+    textured("newmtl grey\nKd 0.5 0.5 0.5\nillum 1\nbump wood.png\n").shows(1.0, &[]);
+}
+
+fn missing_maps_of_numbers() {
+    let text = "newmtl grey\nKd 0.5 0.5 0.5\nillum 1\nnorm none.png\nbump gone.png\n";
+    textured(text).shows(1.0, &["2 textures of roughness, metal or normals are missing", "none.png", "'grey'"]);
+}
+
+fn opacity_by_map() {
+    // 188 of 255 of the light meets the floor, and below it is nothing.
+    textured("newmtl grey\nKd 0.5 0.5 0.5\nillum 1\nmap_d wood.png\n").shows(188.0 / 255.0, &[]);
 }
 
 fn clamped_maps() {
@@ -338,7 +374,7 @@ fn mineways() {
     let text = "Wavefront OBJ material file\n# Contains 1 material\n\nnewmtl grey\nNs 0\nKa 0.2 0.2 0.2\nKd 1 1 1\nKs 0 0 0\n\
         map_Kd wood.png\nmap_d wood.png\nillum 2\n# d 1\n# Tr 0\n";
     let loaded = textured(text).loads(&[]);
-    assert!(material(&loaded, "grey").cutout.is_some() && factor(&loaded) == [1.0; 3]);
+    assert!(material(&loaded, "grey").opacity_map.is_some() && factor(&loaded) == [1.0; 3]);
 }
 
 /// The light that a floor keeps under a pane, of what it has without; its own light that comes back from the pane is below 3 %.

@@ -1,6 +1,6 @@
 """Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path
 integrator, and its particle tracer for caustics of lights without a body, which paths from the camera never find; for
-single layers llvm_ad_rgb, its rays, surfaces and lights.
+single layers and rough conductors llvm_ad_rgb, its rays, surfaces and lights (3.6.4).
 
     pip install mitsuba numpy
     python tests/references/make.py tests/references            # all scenes
@@ -20,6 +20,8 @@ import tempfile
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
+import compensated
 
 mi.set_variant("scalar_rgb")
 SIDE, RENDERS, SAMPLES, DEPTH = 16, 16, 512, 24
@@ -99,9 +101,9 @@ def lambert(r):
 
 
 MIRROR = {"type": "twosided", "bsdf": {"type": "conductor", "material": "none", "specular_reflectance": grey(0.9)}}
-ROUGH = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.2}
-GLOSSY = {"type": "twosided", "bsdf": ROUGH}
+GLOSSY = {"type": "twosided", "bsdf": {"type": "compensated", "alpha": 0.2}}
 GLASS = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
+ROUGH_GLASS = {"type": "roughdielectric", "distribution": "ggx", "alpha": 0.1, "int_ior": 1.5, "ext_ior": 1.0}
 SHEET = {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0}
 
 WALLS = (room((0, 0, 0), (1, 1, 1)), lambert(0.5))
@@ -116,6 +118,7 @@ SCENES = {
     "smooth_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), MIRROR)], CEILING),
     "smooth_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), GLOSSY)], CEILING),
     "smooth_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), GLASS)], CEILING),
+    "smooth_rough_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), ROUGH_GLASS)], CEILING),
     "coarse_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), MIRROR)], CEILING),
     "coarse_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), GLOSSY)], CEILING),
     "coarse_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), GLASS)], CEILING),
@@ -222,7 +225,10 @@ def main(target, names):
         parts, panel = (SCENES | POINTS)[DIRECT.get(name, name)]
         if names and name not in names:
             continue
-        mi.set_variant("llvm_ad_rgb" if name in DIRECT else "scalar_rgb")
+        is_compensated = any(bsdf is GLOSSY for _, bsdf in parts)
+        mi.set_variant("llvm_ad_rgb" if name in DIRECT or is_compensated else "scalar_rgb")
+        if is_compensated:
+            compensated.register()
         render = seen_and_direct if name in DIRECT else lambda scene, seed: mi.render(scene, seed=seed)
         means, variances = [], []
         for texel in range(2):

@@ -17,10 +17,12 @@ import sys
 import tempfile
 import zlib
 
+import compensated
 import mitsuba as mi
 import numpy as np
 
-mi.set_variant("scalar_rgb")
+mi.set_variant("llvm_ad_rgb")
+compensated.register()
 SIDE, RENDERS, SAMPLES, DEPTH = 16, 16, 512, 24
 EYE, YFOV = (0.5, 0.5, 0.95), math.radians(75.0)
 
@@ -85,7 +87,7 @@ GLOW = {"emissiveFactor": [1, 1, 1], **extended(pbr((0, 0, 0), 0, 1), specular={
 # The glTF material and Mitsuba's. The floor's colours are a bitmap.
 GREY = (matte((0.5, 0.5, 0.5)), diffuse((0.5, 0.5, 0.5)))
 MIRROR = (pbr((0.9, 0.6, 0.3), 1, 0), twosided({"type": "conductor", "material": "none", "specular_reflectance": rgb((0.9, 0.6, 0.3))}))
-METAL = (pbr((1, 1, 1), 1, 0.45), twosided({"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.45**2}))
+METAL = (pbr((1, 1, 1), 1, 0.45), twosided({"type": "compensated", "alpha": 0.45**2}))
 PANE = (SHEET, {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0, "specular_transmittance": rgb((0.8, 1.0, 0.6))})
 PLASTIC = (pbr((0.1, 0.3, 0.7), 0, 0.5), twosided({"type": "principled", "base_color": rgb((0.1, 0.3, 0.7)), "metallic": 0.0, "roughness": 0.5, "eta": 1.5}))
 

@@ -177,11 +177,10 @@ fn memory_is_counted_while_a_scene_is_loaded() {
 }
 
 fn textures_beyond_what_a_scene_may_hold() {
-    // Uncompressed true colour of 16,384² pixels, without any.
-    let mut header = [0u8; 18];
-    (header[2], header[16], header[13], header[15]) = (2, 24, 0x40, 0x40);
-    let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd a.tga\nnewmtl lamp\nKe 1 1 1\n");
-    refused(&folder.with("a.tga", header), &["a.tga", "4.0 GiB", "2.0 GiB", "scale"]);
+    // Floats of 16,384² pixels, without any.
+    let header = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 16384\n";
+    let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd a.hdr\nnewmtl lamp\nKe 1 1 1\n");
+    refused(&folder.with("a.hdr", header), &["a.hdr", "4.0 GiB", "2.0 GiB", "scale"]);
 }
 
 /// Whoever wrote a scene may be a stranger: whatever names a file, and however.

@@ -271,7 +271,7 @@ newmtl other\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 wood.png\n";
     assert_eq!(reflectance.at(&scene.textures, Vec2::new(0.25, 0.5)), Vec3::X, "a black Kd beside a map counts as 1");
     let Surface::Lambert { reflectance } = by_name("other").surface else { panic!("not Lambertian") };
     assert_eq!(reflectance.at(&scene.textures, Vec2::new(0.75, 0.5)), Vec3::Y * 0.5);
-    let cutout = by_name("ground").cutout.unwrap();
+    let cutout = by_name("ground").opacity_map.unwrap();
     assert_eq!(scene.textures[cutout.0 as usize].sample(Vec2::new(0.75, 0.5))[3], 0.0);
     assert!(matches!(&scene.emitters[0], Emitter::Area(area) if area.pattern.is_some()));
 }

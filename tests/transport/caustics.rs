@@ -115,10 +115,13 @@ fn a_lamp_over_a_mirror_lights_as_its_mirror_image_does() {
         1.0 - (offset.y / offset.length()).acos() / std::f32::consts::PI
     };
     type Relative<'a> = &'a dyn Fn(Vec3) -> f32;
-    let lamps: [(PointEmitter, LightKind, f32, Relative<'_>); 3] = [
+    let ball = PointEmitter::Ball { position: lamp, radius: 0.05, cone: None };
+    let lamps: [(PointEmitter, LightKind, f32, Relative<'_>); 4] = [
         (PointEmitter::Point { position: lamp }, LightKind::Point, 1.0, &|_| 1.0),
         (wide, LightKind::Spot, 0.0, &|_| 1.0),
         (ies, LightKind::Ies, 0.0, &falling),
+        // As bright as a point, wherever it is whole in sight.
+        (ball, LightKind::Point, 1.0, &|_| 1.0),
     ];
     for (emitter, kind, direct, relative) in lamps {
         let scene = above_a_mirror(Emitter::Point(emitter), kind, 16);

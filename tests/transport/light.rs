@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::{DVec3, Mat3, Vec3};
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{CHANNELS, TracedBlock};
-use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PixelFilter, PointEmitter, Scene, Surface};
+use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PixelFilter, PointEmitter, Scene, SpotCone, Surface};
 use ltm::trace::BlockStats;
 
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
@@ -68,6 +68,7 @@ fn point_like_lights_light_the_floor_by_the_square_of_the_distance() {
     // The luminaire's nadir −z points down: its z axis is the world's y.
     let world_from_luminaire = Mat3::from_cols(Vec3::Z, Vec3::X, Vec3::Y);
     let ies = PointEmitter::Ies { position: at, world_from_luminaire, profile };
+    let cone = SpotCone { direction: (-at).normalize(), inner_radians: 0.3, outer_radians: 0.5 };
     let nadir_angle = (-away.y).acos();
     let sun = |radius| PointEmitter::Sun { towards: at.normalize(), angular_radius_radians: radius };
     let cases = [
@@ -75,6 +76,13 @@ fn point_like_lights_light_the_floor_by_the_square_of_the_distance() {
         ("spot, lit", LightKind::Spot, spot(0.3, 0.5, -at), cosine / d2),
         ("spot, missed", LightKind::Spot, spot(0.3, 0.5, Vec3::Y), 0.0),
         ("ies", LightKind::Ies, ies, cosine / d2 * (1.0 - nadir_angle / (0.5 * PI))),
+        ("ball", LightKind::Point, PointEmitter::Ball { position: at, radius: 0.2, cone: None }, cosine / d2),
+        (
+            "ball, spot",
+            LightKind::Spot,
+            PointEmitter::Ball { position: at, radius: 1e-3, cone: Some(cone) },
+            cosine / d2,
+        ),
         ("sun", LightKind::Sun, sun(0.0), cosine),
         ("sun, disc", LightKind::Sun, sun(0.05), cosine),
     ];
@@ -83,7 +91,7 @@ fn point_like_lights_light_the_floor_by_the_square_of_the_distance() {
         builder.bodiless(name, kind, Emitter::Point(emitter));
         let found = mean(&all_on(&trace(builder.build(), settings(64, 4))));
         let expected = f64::from(irradiance * FLOOR / PI);
-        // No variance but the disc's; the pixels' extent of 1/1000 adds some 1e-4.
+        // No variance but the disc's and the ball's; the pixels' extent of 1/1000 adds some 1e-4.
         assert!((found - expected).abs() <= 2e-3 * expected, "{name}: {found} for {expected}");
     }
 }

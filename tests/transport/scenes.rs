@@ -69,7 +69,7 @@ impl Builder {
         let materials = &mut self.scene.materials;
         let found = materials.iter().position(|m| m.surface == surface);
         let id = found.unwrap_or_else(|| {
-            materials.push(Material { name: format!("m{}", materials.len()), surface, cutout: None, opacity: 1.0 });
+            materials.push(Material::new(format!("m{}", materials.len()), surface));
             materials.len() - 1
         });
         MaterialId(id as u32)

@@ -139,7 +139,14 @@ impl ExrPicture {
             let [r, g, b] = self.matrix.as_ref().map_or([r, g, b], |matrix| converted(matrix, [r, g, b]));
             *pixel = [r, g, b, if has_alpha { a } else { 1.0 }];
         });
-        Ok(RgbaImage { width: width as u32, height: height as u32, pixels, has_alpha })
+        Ok(RgbaImage {
+            width: width as u32,
+            height: height as u32,
+            pixels,
+            has_alpha,
+            is_8_bit: false,
+            is_encoded: false,
+        })
     }
 
     /// Reads the channels that stand in pixels as they are.

@@ -69,7 +69,7 @@ struct Stated<'a> {
     metallic: f32,
     roughness: f32,
     metallic_roughness_texture: Option<JsonItem<'a>>,
-    has_normal_map: bool,
+    normal_texture: Option<JsonItem<'a>>,
     emission: Vec3,
     emission_texture: Option<JsonItem<'a>>,
     alpha_mode: AlphaMode,
@@ -82,10 +82,16 @@ struct Stated<'a> {
     has_glossiness_map: bool,
     clear_coat: [f32; 2],
     has_coat_maps: bool,
+    sheen: ([f32; 3], f32),
+    has_sheen_maps: bool,
     transmission: f32,
-    has_transmission_map: bool,
+    transmission_texture: Option<JsonItem<'a>>,
     thickness: f32,
-    absorbs: bool,
+    attenuation: (Vec3, f32),
+    translucency: f32,
+    translucency_texture: Option<JsonItem<'a>>,
+    translucent: [f32; 3],
+    translucent_texture: Option<JsonItem<'a>>,
 }
 
 impl Default for Stated<'_> {
@@ -96,7 +102,7 @@ impl Default for Stated<'_> {
             metallic: 1.0,
             roughness: 1.0,
             metallic_roughness_texture: None,
-            has_normal_map: false,
+            normal_texture: None,
             emission: Vec3::ZERO,
             emission_texture: None,
             alpha_mode: AlphaMode::Opaque,
@@ -108,10 +114,16 @@ impl Default for Stated<'_> {
             has_glossiness_map: false,
             clear_coat: [0.0; 2],
             has_coat_maps: false,
+            sheen: ([0.0; 3], 0.0),
+            has_sheen_maps: false,
             transmission: 0.0,
-            has_transmission_map: false,
+            transmission_texture: None,
             thickness: 0.0,
-            absorbs: false,
+            attenuation: (Vec3::ONE, f32::INFINITY),
+            translucency: 0.0,
+            translucency_texture: None,
+            translucent: [1.0; 3],
+            translucent_texture: None,
         }
     }
 }
@@ -130,7 +142,7 @@ impl<'a> Stated<'a> {
         if let Some(glossy) = item.extension("KHR_materials_pbrSpecularGlossiness")?.filter(|_| pbr.is_none()) {
             stated.take_glossy(&glossy)?;
         }
-        stated.has_normal_map = item.has("normalTexture");
+        stated.normal_texture = item.object("normalTexture")?;
         let strength = match item.extension("KHR_materials_emissive_strength")? {
             Some(stated) => stated.number("emissiveStrength")?.unwrap_or(1.0),
             None => 1.0,
@@ -159,13 +171,25 @@ impl<'a> Stated<'a> {
             let maps = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
             stated.has_coat_maps = maps.iter().any(|key| coat.has(key));
         }
+        if let Some(sheen) = item.extension("KHR_materials_sheen")? {
+            let colour = sheen.numbers("sheenColorFactor")?.unwrap_or([0.0; 3]);
+            stated.sheen = (colour, sheen.number("sheenRoughnessFactor")?.unwrap_or(0.0));
+            stated.has_sheen_maps = sheen.has("sheenColorTexture") || sheen.has("sheenRoughnessTexture");
+        }
         if let Some(transmission) = item.extension("KHR_materials_transmission")? {
             stated.transmission = transmission.number("transmissionFactor")?.unwrap_or(0.0);
-            stated.has_transmission_map = transmission.has("transmissionTexture");
+            stated.transmission_texture = transmission.object("transmissionTexture")?;
         }
         if let Some(volume) = item.extension("KHR_materials_volume")? {
             stated.thickness = volume.number("thicknessFactor")?.unwrap_or(0.0);
-            stated.absorbs = volume.number("attenuationDistance")?.is_some_and(f32::is_finite);
+            let distance = volume.number("attenuationDistance")?.unwrap_or(f32::INFINITY);
+            stated.attenuation = (Vec3::from(volume.numbers("attenuationColor")?.unwrap_or([1.0; 3])), distance);
+        }
+        if let Some(diffuse) = item.extension("KHR_materials_diffuse_transmission")? {
+            stated.translucency = diffuse.number("diffuseTransmissionFactor")?.unwrap_or(0.0);
+            stated.translucency_texture = diffuse.object("diffuseTransmissionTexture")?;
+            stated.translucent = diffuse.numbers("diffuseTransmissionColorFactor")?.unwrap_or([1.0; 3]);
+            stated.translucent_texture = diffuse.object("diffuseTransmissionColorTexture")?;
         }
         Ok(stated)
     }
@@ -194,46 +218,41 @@ impl<'a> Stated<'a> {
         Ok(())
     }
 
+    /// Its textures that are used, in the order of which the first says how all lie.
+    fn textures(&self) -> [Option<&JsonItem<'a>>; 7] {
+        [
+            &self.base_texture,
+            &self.metallic_roughness_texture,
+            &self.normal_texture,
+            &self.transmission_texture,
+            &self.translucency_texture,
+            &self.translucent_texture,
+            &self.emission_texture,
+        ]
+        .map(Option::as_ref)
+    }
+
     /// Properties that are left out or simplified, for messages.
     fn not_used(&self, tree: &JsonTree) -> Result<Vec<&'static str>> {
-        let (base, emissive) = (&self.base_texture, &self.emission_texture);
-        let mapped = self.metallic_roughness_texture.is_some();
-        let glass = self.transmission >= 0.5;
-        let coat = self.clear_coat[0] > 0.0;
-        let differ = match (base, emissive) {
-            (Some(b), Some(e)) => Placement::of(b)? != Placement::of(e)?,
-            _ => false,
-        };
+        let used: Vec<_> = self.textures().into_iter().flatten().collect();
+        let mut differ = false;
         let mut without_image = false;
-        for texture in [base, emissive, &self.metallic_roughness_texture].into_iter().flatten() {
+        for texture in &used {
+            differ |= Placement::of(texture)? != Placement::of(used[0])?;
             without_image |= image_of(texture, tree)?.is_none();
         }
         let lines = [
-            (self.has_normal_map, "normal maps are not used"),
-            (mapped, "of metallic-roughness textures the average is used"),
-            (
-                !mapped && self.metallic > 0.05 && self.metallic < 0.95,
-                "what is half metal is taken as the nearer of metal and none",
-            ),
-            (
-                self.alpha_mode == AlphaMode::Blend,
-                "alpha blending is not traced: a texture's alpha cuts out at one half, an even alpha below one half makes a sheet",
-            ),
-            (glass && self.roughness > 0.1, "rough glass is taken as smooth"),
-            (glass && base.is_some(), "textures on glass are not used"),
-            (
-                self.has_transmission_map || (0.01..0.5).contains(&self.transmission),
-                "transmission is taken as whole from one half on, and its textures are not used",
-            ),
-            (self.absorbs, "bodies that absorb are taken as clear"),
             (self.has_specular_maps, "textures of the specular extension are not used"),
             (
                 self.has_glossiness_map,
                 "textures of specular colour and glossiness are not used: taken as satin lacquer",
             ),
-            (coat && (mapped || self.metallic >= 0.5), "the clear coat of metals is not used"),
             (self.has_coat_maps, "textures of clear coats are not used"),
-            (differ, "the emissive texture is laid as the base colour texture is"),
+            (self.has_sheen_maps, "textures of sheens are not used"),
+            (
+                differ,
+                "its textures lie differently; all lie as the first of them does (base colour, roughness, normals …)",
+            ),
             (without_image, "textures without an image are left out"),
         ];
         Ok(lines.into_iter().filter(|(applies, _)| *applies).map(|(_, what)| what).collect())
@@ -257,10 +276,12 @@ struct TextureImages<'a> {
 impl TextureImages<'_> {
     fn material(&mut self, stated: &Stated<'_>, place: &str) -> Result<GltfMaterial> {
         let &Stated { base: [r, g, b, alpha], metallic, roughness, ior, specular, transmission, emission, .. } = stated;
-        let &Stated { clear_coat, cutoff, .. } = stated;
-        let fractions = [r, g, b, alpha, metallic, roughness, transmission, cutoff].into_iter().chain(clear_coat);
-        let numbers = fractions.chain(specular.to_array()).chain(emission.to_array());
-        if !numbers.into_iter().all(|v| v >= 0.0 && v.is_finite()) {
+        let &Stated { clear_coat, cutoff, translucency, translucent, attenuation: (colour, distance), .. } = stated;
+        let fractions =
+            [r, g, b, alpha, metallic, roughness, transmission, cutoff, translucency].into_iter().chain(clear_coat);
+        let numbers = fractions.chain(specular.to_array()).chain(emission.to_array()).chain(translucent);
+        let numbers = numbers.chain(stated.sheen.0).chain([stated.sheen.1]);
+        if !numbers.chain(colour.to_array()).all(|v| v >= 0.0 && v.is_finite()) || distance.is_nan() {
             return Err(Error::input(place, "has a factor that is negative or not finite", "mend the material"));
         }
         // 0 is how the format says that it reflects wholly; no index of refraction is below 0.1.
@@ -271,9 +292,7 @@ impl TextureImages<'_> {
         let alpha = match stated.alpha_mode {
             AlphaMode::Mask if cutoff > 0.0 && base_image.is_some() => Alpha::Cut(0.5 * alpha / cutoff),
             AlphaMode::Opaque | AlphaMode::Mask => Alpha::Opaque,
-            AlphaMode::Blend if base_image.is_some() => Alpha::Cut(alpha),
-            AlphaMode::Blend if alpha < 0.5 => Alpha::Sheet(alpha),
-            AlphaMode::Blend => Alpha::Opaque,
+            AlphaMode::Blend => Alpha::Blend(alpha.min(1.0)),
         };
         Ok(GltfMaterial {
             base: Vec3::new(r, g, b),
@@ -282,10 +301,22 @@ impl TextureImages<'_> {
             metallic,
             roughness,
             metallic_roughness_image: self.image(stated.metallic_roughness_texture.as_ref(), place)?,
+            normal_image: self.image(stated.normal_texture.as_ref(), place)?,
+            normal_scale: match &stated.normal_texture {
+                Some(info) => info.number("scale")?.filter(|scale| scale.is_finite()).unwrap_or(1.0),
+                None => 1.0,
+            },
             ior: if ior == 0.0 { 10.0 } else { ior },
             specular,
             clear_coat,
+            sheen: (Vec3::from(stated.sheen.0), stated.sheen.1),
             transmission,
+            transmission_image: self.image(stated.transmission_texture.as_ref(), place)?,
+            attenuation: stated.attenuation,
+            translucency,
+            translucency_image: self.image(stated.translucency_texture.as_ref(), place)?,
+            translucent: Vec3::from(translucent),
+            translucent_image: self.image(stated.translucent_texture.as_ref(), place)?,
             is_body: stated.thickness > 0.0,
             emission,
             emission_image: self.image(stated.emission_texture.as_ref(), place)?,
@@ -395,13 +426,13 @@ impl Placement {
 }
 
 impl Mapping {
-    /// That of a material's base colour or, without, of what it emits.
+    /// That of a material's first texture.
     pub(super) fn of(material: Option<&JsonItem<'_>>, tree: &JsonTree) -> Result<Self> {
         let stated = material.map(Stated::of).transpose()?.unwrap_or_default();
-        let Some(info) = stated.base_texture.or(stated.emission_texture) else {
+        let Some(info) = stated.textures().into_iter().flatten().next() else {
             return Ok(Self { set: 0, is_used: false, repeats: true, matrix: Mat2::IDENTITY, offset: Vec2::ZERO });
         };
-        let Placement { set, offset, rotation, scale } = Placement::of(&info)?;
+        let Placement { set, offset, rotation, scale } = Placement::of(info)?;
         let index = info.index("index", "textures")?.ok_or_else(|| info.refuse("index", "is missing"))?;
         let mut repeats = true;
         if let Some(sampler) = tree.item("textures", index)?.index("sampler", "samplers")? {

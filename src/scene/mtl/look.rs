@@ -65,6 +65,8 @@ pub(in super::super) struct MtlLook {
     pub(in super::super) alpha: f32,
     pub(in super::super) ior: f32,
     pub(in super::super) transmittance: Vec3,
+    /// Whether `Pr` and `Pm` say what it is.
+    pub(in super::super) is_pbr: bool,
 }
 
 /// The rule by which transparency was decided.
@@ -235,6 +237,7 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
         alpha: source.shininess.map_or(0.25, alpha_of_shininess),
         ior,
         transmittance: source.transmission.unwrap_or(Vec3::ONE),
+        is_pbr: false,
     };
     match illumination.unwrap_or(2) {
         4 | 6 | 7 | 9 if (ior - 1.0).abs() > NO_REFRACTION => look.kind = SurfaceEntry::Dielectric,
@@ -242,10 +245,11 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
             look.kind = SurfaceEntry::ThinDielectric;
             look.be_sheet(specular);
         }
-        _ if source.roughness.is_some() || source.metallic.is_some() => {
+        _ if source.roughness.is_some() || source.metallic.is_some() || source.roughness_map.is_some() => {
             look.alpha = source.roughness.unwrap_or(0.5).clamp(0.0, 1.0).powi(2);
-            let metal = source.metallic.unwrap_or(0.0) >= 0.5;
+            let metal = source.metallic.unwrap_or(0.0) >= 1.0;
             look.kind = if metal { SurfaceEntry::RoughConductor } else { SurfaceEntry::Coated };
+            look.is_pbr = true;
         }
         3 | 5 | 8 if specular.max_element() > 0.0 && specular.max_element() >= diffuse.max_element() => {
             look.reflectance = Some(specular);

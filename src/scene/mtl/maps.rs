@@ -13,6 +13,8 @@ pub(in super::super) struct MtlMap {
     pub(in super::super) scale: Vec2,
     /// Offset of the texture coordinates, added after the factor (`-o`).
     pub(in super::super) offset: Vec2,
+    /// Factor of what it raises (`-bm`).
+    pub(in super::super) raised: f32,
     /// Whether it is stated to end at its edges, which is not done here.
     pub(in super::super) is_clamped: bool,
 }
@@ -37,7 +39,8 @@ fn followers(option: &str) -> Option<Follow> {
 impl MtlMap {
     /// Reads what follows the statement's key (`-s 2 2 1 -bm 0.5 my wood.png`). None where no image is named.
     pub(super) fn parse(text: &str) -> Option<Self> {
-        let mut map = Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, is_clamped: false };
+        let mut map =
+            Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, raised: 1.0, is_clamped: false };
         let mut rest = text.trim();
         while rest.starts_with('-') {
             let Some((option, after)) = rest.split_once(char::is_whitespace) else {
@@ -103,6 +106,7 @@ impl MtlMap {
             match option {
                 "-s" => self.scale = pair(1.0),
                 "-o" => self.offset = pair(0.0),
+                "-bm" => self.raised = numbers[0],
                 _ => {}
             }
         }

@@ -38,6 +38,14 @@ pub(super) struct MtlMaterial {
     pub(super) diffuse_map: Option<MtlMap>,
     pub(super) emission_map: Option<MtlMap>,
     pub(super) dissolve_map: Option<MtlMap>,
+    /// `map_Pr`.
+    pub(super) roughness_map: Option<MtlMap>,
+    /// `map_Pm`.
+    pub(super) metallic_map: Option<MtlMap>,
+    /// `norm`.
+    pub(super) normal_map: Option<MtlMap>,
+    /// `map_Bump` or `bump`: heights, or normals in blue, as many programs write them.
+    pub(super) bump_map: Option<MtlMap>,
     /// Who wrote it.
     pub(super) writer: Writer,
 }
@@ -50,8 +58,28 @@ struct LeftOut {
 }
 
 /// Statements that are read. Their names are written in any case.
-const KEYS: [&str; 15] =
-    ["Kd", "Ks", "Ke", "Tf", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "map_Kd", "map_Ke", "map_d", "map_opacity"];
+const KEYS: [&str; 20] = [
+    "Kd",
+    "Ks",
+    "Ke",
+    "Tf",
+    "Ns",
+    "Ni",
+    "d",
+    "Tr",
+    "illum",
+    "Pr",
+    "Pm",
+    "map_Kd",
+    "map_Ke",
+    "map_d",
+    "map_opacity",
+    "map_Pr",
+    "map_Pm",
+    "map_Bump",
+    "bump",
+    "norm",
+];
 
 /// Reads an MTL file. Statements that say nothing about light transport here are skipped.
 ///
@@ -125,6 +153,20 @@ impl LeftOut {
 }
 
 impl MtlMaterial {
+    /// The maps that are used, in the order of which the first says how all lie.
+    pub(super) fn maps(&self) -> impl Iterator<Item = &MtlMap> {
+        let maps = [
+            &self.diffuse_map,
+            &self.dissolve_map,
+            &self.emission_map,
+            &self.roughness_map,
+            &self.metallic_map,
+            &self.normal_map,
+            &self.bump_map,
+        ];
+        maps.into_iter().flatten()
+    }
+
     /// Reads what follows a key. False where that is no value of it.
     fn state(&mut self, key: &str, rest: &str) -> bool {
         let values = without_comment(rest);
@@ -162,6 +204,10 @@ impl MtlMaterial {
                 let slot = match key {
                     "map_Kd" => &mut self.diffuse_map,
                     "map_Ke" => &mut self.emission_map,
+                    "map_Pr" => &mut self.roughness_map,
+                    "map_Pm" => &mut self.metallic_map,
+                    "norm" => &mut self.normal_map,
+                    "map_Bump" | "bump" => &mut self.bump_map,
                     _ => &mut self.dissolve_map,
                 };
                 let map = MtlMap::parse(rest);

@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-/// Schlick's approximation from the reflectance at normal incidence (Schlick 1994).
-pub(super) fn schlick(normal: Vec3, cosine: f32) -> Vec3 {
+/// Schlick's approximation from the reflectances at normal and at grazing incidence (Schlick 1994).
+pub(super) fn schlick(normal: Vec3, grazing: f32, cosine: f32) -> Vec3 {
     let m = (1.0 - cosine.clamp(0.0, 1.0)).max(0.0);
     let m5 = (m * m) * (m * m) * m;
-    normal + (Vec3::ONE - normal) * m5
+    normal + (Vec3::splat(grazing) - normal) * m5
 }
 
 /// Unpolarised reflectance of a smooth dielectric boundary, and the cosine of the refracted direction; `ior` is the far

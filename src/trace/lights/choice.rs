@@ -58,7 +58,10 @@ impl Bound {
         let unplaced = Self { centre: Vec3::ZERO, radius: 0.0, axis: Vec3::ZERO, near: false };
         match source {
             Source::Environment(_) => unplaced,
-            Source::Point(light) => light.position().map_or(unplaced, |centre| Self { centre, near: true, ..unplaced }),
+            Source::Point(light) => {
+                let placed = |centre| Self { centre, radius: light.radius(), near: true, ..unplaced };
+                light.position().map_or(unplaced, placed)
+            }
             Source::Area(light) => {
                 if let AreaLayout::Texels { origin, edge_u, edge_v, normal, .. } = light.layout() {
                     let (centre, radius) = (origin + 0.5 * (edge_u + edge_v), 0.5 * (edge_u + edge_v).length());
@@ -177,6 +180,15 @@ impl LightChoice {
 }
 
 impl LightPmf {
+    /// The mean of this and another.
+    pub(super) fn mean(mut self, other: &Self) -> Self {
+        let all: [f32; MAX_WEIGHED] = std::array::from_fn(|light| 0.5 * (self.of(light) + other.of(light)));
+        if self.count <= MAX_WEIGHED {
+            (self.each, self.even) = (all, None);
+        }
+        self
+    }
+
     /// The probability of one light.
     pub(super) fn of(&self, light: usize) -> f32 {
         self.even.unwrap_or_else(|| self.each.get(light).copied().unwrap_or(0.0))

@@ -44,6 +44,16 @@ pub(super) struct LightSampler {
     distant: Vec<u32>,
 }
 
+/// A surface that light falls on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Receiver {
+    pub(super) position: Vec3,
+    /// Shading normal.
+    pub(super) normal: Vec3,
+    /// Whether light from behind counts as well.
+    pub(super) two_sided: bool,
+}
+
 /// A light sample: a point on a light, seen from a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
@@ -116,23 +126,25 @@ impl LightSampler {
         Ok(Self { sources, choice, distant })
     }
 
-    /// The probabilities of all lights at a surface at `position` with shading normal `normal`.
+    /// The probabilities of all lights at a surface.
     #[inline(always)]
-    pub(super) fn chances(&self, position: Vec3, normal: Vec3) -> LightPmf {
-        self.choice.at(position, normal)
+    pub(super) fn chances(&self, at: &Receiver) -> LightPmf {
+        let before = self.choice.at(at.position, at.normal);
+        if at.two_sided { before.mean(&self.choice.at(at.position, -at.normal)) } else { before }
     }
 
-    /// Chooses a light, by the probabilities of the surface at `position` with the given shading frame, and a point on
-    /// it. `None` if the point emits nothing to the surface.
+    /// Chooses a light, by the probabilities of a surface with the given shading frame, and a point on it. `None` if the
+    /// point emits nothing to the surface.
     #[inline(always)]
     pub(super) fn sample(
         &self,
         scene: &Scene,
-        position: Vec3,
+        at: &Receiver,
         frame: &ShadingFrame,
         chances: &LightPmf,
         pair: Vec2,
     ) -> Option<LightSample> {
+        let position = at.position;
         let (index, chance, x) = chances.choose(pair.x);
         let pair = Vec2::new(x, pair.y);
         let (source, first_column) = &self.sources[index];
@@ -141,9 +153,11 @@ impl LightSampler {
             Source::Point(light) => light.sample(position, pair)?,
             Source::Environment(light) => {
                 // Emission is 1 everywhere, so directions follow the cosine at the surface alone.
-                let local = cosine_hemisphere(pair);
+                let (side, pair) = if at.two_sided { side_of(pair) } else { (1.0, pair) };
+                let mut local = cosine_hemisphere(pair);
+                local.z *= side;
                 let towards = frame.to_world(local);
-                let pdf = local.z * FRAC_1_PI;
+                let pdf = environment_pdf(at, local.z);
                 let column = environment_column(light, towards);
                 LightSample { towards, end: End::Beyond(towards), column, weight: Vec3::splat(1.0 / pdf), pdf }
             }
@@ -154,44 +168,36 @@ impl LightSampler {
         Some(sample)
     }
 
-    /// Emission of light `emitter` at a ray's hit on its triangle. `from` is the origin of the ray with its shading
-    /// normal, `normal` the front of the triangle.
+    /// Emission of light `emitter` at a ray's hit on its triangle. `from` is the origin of the ray.
     #[inline(always)]
     pub(super) fn on_surface(
         &self,
         scene: &Scene,
         emitter: u32,
         hit: &EmitterHit,
-        from: (Vec3, Vec3),
+        from: &Receiver,
     ) -> Option<SeenLight> {
         let (Source::Area(light), first_column) = self.sources.get(emitter as usize)? else { return None };
         let mut found = light.found(scene, hit)?;
         found.source = emitter;
         found.column += first_column;
-        found.pdf *= self.chances(from.0, from.1).of(emitter as usize);
+        found.pdf *= self.chances(from).of(emitter as usize);
         Some(found)
     }
 
     /// Emission hit by a ray that leaves the scene along `direction`. `cosine` is that of the scattering surface's
     /// shading normal.
-    pub(super) fn beyond(
-        &self,
-        direction: Vec3,
-        cosine: f32,
-        from: (Vec3, Vec3),
-    ) -> impl Iterator<Item = SeenLight> + '_ {
-        let chances = (!self.distant.is_empty()).then(|| self.chances(from.0, from.1));
+    pub(super) fn beyond(&self, direction: Vec3, cosine: f32, from: &Receiver) -> impl Iterator<Item = SeenLight> + '_ {
+        let chances = (!self.distant.is_empty()).then(|| self.chances(from));
+        let sky = environment_pdf(from, cosine);
         self.distant.iter().filter_map(move |&i| {
             let (source, first_column) = &self.sources[i as usize];
             let mut found = match source {
                 Source::Area(_) => return None,
                 Source::Point(light) => light.found(direction)?,
-                Source::Environment(light) => SeenLight {
-                    source: 0,
-                    column: environment_column(light, direction),
-                    radiance: Vec3::ONE,
-                    pdf: cosine.max(0.0) * FRAC_1_PI,
-                },
+                Source::Environment(light) => {
+                    SeenLight { source: 0, column: environment_column(light, direction), radiance: Vec3::ONE, pdf: sky }
+                }
             };
             found.source = i;
             found.column += first_column;
@@ -228,6 +234,18 @@ impl LightSampler {
             None => 0.0,
         }
     }
+}
+
+/// The side that a number chooses, as the sign of its cosine, and the pair with that number uniform again.
+fn side_of(pair: Vec2) -> (f32, Vec2) {
+    let (side, x) = if pair.x < 0.5 { (1.0, 2.0 * pair.x) } else { (-1.0, 2.0 * pair.x - 1.0) };
+    (side, Vec2::new(x, pair.y))
+}
+
+/// Solid-angle density of a sample of the environment with a cosine at the surface.
+#[inline(always)]
+fn environment_pdf(at: &Receiver, cosine: f32) -> f32 {
+    if at.two_sided { 0.5 * cosine.abs() * FRAC_1_PI } else { cosine.max(0.0) * FRAC_1_PI }
 }
 
 /// Solid-angle density that is uniform over all directions.
@@ -302,7 +320,7 @@ mod tests {
             extents: vec![0.0; columns],
         };
         basis.push(light).unwrap();
-        let materials = vec![Material { name: "black".into(), surface: Surface::Black, cutout: None, opacity: 1.0 }];
+        let materials = vec![Material::new("black", Surface::Black)];
         let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), PixelFilter::Box).unwrap();
         let (textures, emitters, metres_per_unit) = (Vec::new(), vec![emitter], 1.0);
         let name = "test".into();
@@ -329,17 +347,21 @@ mod tests {
         scene(triangles, kind, Emitter::Area(emitter))
     }
 
+    fn receiver(position: Vec3, frame: &ShadingFrame) -> Receiver {
+        Receiver { position, normal: frame.z, two_sided: false }
+    }
+
     /// The hit of a ray from `position` along `direction`: column, and density of light sampling.
     fn found(world: &World, position: Vec3, frame: &ShadingFrame, direction: Vec3) -> Option<SeenLight> {
         let lights = &world.lights;
         let Some(point) = world.intersect(position, direction, &mut 0) else {
-            return lights.beyond(direction, frame.to_local(direction).z, (position, frame.z)).next();
+            return lights.beyond(direction, frame.to_local(direction).z, &receiver(position, frame)).next();
         };
         let (position_hit, normal, uv) = (point.position, point.normal, point.uv);
         let distance = position.distance(position_hit);
         let hit = EmitterHit { position: position_hit, normal, uv, direction, distance };
         let emitter = world.scene.mesh.triangles[point.triangle as usize].emitter.unwrap_or(0);
-        lights.on_surface(&world.scene, emitter, &hit, (position, frame.z))
+        lights.on_surface(&world.scene, emitter, &hit, &receiver(position, frame))
     }
 
     /// Compares light samples, binned by direction around `axis` within `reach` radians, with the density reported to
@@ -365,13 +387,8 @@ mod tests {
         let mut strangers = 0;
         for _ in 0..draws {
             let pair = Vec2::new(random.random(), random.random());
-            let bin = match world.lights.sample(
-                &world.scene,
-                position,
-                &shading,
-                &world.lights.chances(position, shading.z),
-                pair,
-            ) {
+            let at = receiver(position, &shading);
+            let bin = match world.lights.sample(&world.scene, &at, &shading, &world.lights.chances(&at), pair) {
                 Some(sample) => {
                     let back = found(&world, position, &shading, sample.towards);
                     // At a texel's or the light's own edge, rounding may put the ray on the other side.

@@ -8,7 +8,7 @@ use super::super::cap::cap_direction;
 use super::super::photon_targets::Targets;
 use super::super::segment::{End, OFF_LIGHT};
 use super::{Emitted, EmitterHit, LightSample, SeenLight};
-use crate::scene::{IesProfile, PointEmitter};
+use crate::scene::{IesProfile, PointEmitter, SpotCone};
 
 /// A point-like light of one column.
 #[derive(Debug)]
@@ -26,9 +26,15 @@ impl PointLight {
         match self.emitter {
             PointEmitter::Point { position }
             | PointEmitter::Spot { position, .. }
+            | PointEmitter::Ball { position, .. }
             | PointEmitter::Ies { position, .. } => Some(position),
             PointEmitter::Sun { .. } => None,
         }
+    }
+
+    /// Its radius; 0 of points and suns.
+    pub(super) fn radius(&self) -> f32 {
+        if let PointEmitter::Ball { radius, .. } = self.emitter { radius } else { 0.0 }
     }
 
     /// Whether rays that leave the scene can hit it.
@@ -41,6 +47,7 @@ impl PointLight {
             PointEmitter::Point { position: light }
             | PointEmitter::Spot { position: light, .. }
             | PointEmitter::Ies { position: light, .. } => from_point(light, position, |away| self.intensity(away)),
+            PointEmitter::Ball { position: centre, radius, .. } => self.sample_ball(centre, radius, position, pair),
             PointEmitter::Sun { towards, angular_radius_radians } => {
                 if angular_radius_radians <= 0.0 {
                     let end = End::Beyond(towards);
@@ -55,15 +62,34 @@ impl PointLight {
         }
     }
 
+    /// A direction to the ball, uniform over the cone that it fills. Its surface has the radiance `I(ω) / (π r²)`.
+    fn sample_ball(&self, centre: Vec3, radius: f32, position: Vec3, pair: Vec2) -> Option<LightSample> {
+        let offset = centre - position;
+        let square = offset.length_squared();
+        let sine2 = radius * radius / square;
+        if sine2 >= 1.0 {
+            return None;
+        }
+        let height = sine2 / (1.0 + (1.0 - sine2).sqrt());
+        let towards = cap_direction(offset / square.sqrt(), height, pair);
+        // The nearer point of the ball along the direction.
+        let along = offset.dot(towards);
+        let across2 = (offset - along * towards).length_squared();
+        let near = (along - (radius * radius - across2).max(0.0).sqrt()).max(0.0);
+        let intensity = self.intensity(-towards);
+        let weight = Vec3::splat(intensity * TAU * height / (PI * radius * radius));
+        let end = End::At(position + towards * near);
+        (intensity > 0.0).then_some(LightSample { towards, end, column: 0, weight, pdf: 0.0 })
+    }
+
     /// Relative intensity along `away`; 0 for suns, which are at infinity.
     fn intensity(&self, away: Vec3) -> f32 {
         match self.emitter {
-            PointEmitter::Point { .. } => 1.0,
+            PointEmitter::Point { .. } | PointEmitter::Ball { cone: None, .. } => 1.0,
             PointEmitter::Spot { direction, inner_radians, outer_radians, .. } => {
-                let (inner, outer) = (inner_radians.cos(), outer_radians.cos());
-                let t = ((away.dot(direction) - outer) / (inner - outer).max(1e-6)).clamp(0.0, 1.0);
-                t * t * (3.0 - 2.0 * t)
+                within(SpotCone { direction, inner_radians, outer_radians }, away)
             }
+            PointEmitter::Ball { cone: Some(cone), .. } => within(cone, away),
             PointEmitter::Ies { world_from_luminaire, ref profile, .. } => {
                 intensity(profile, world_from_luminaire.transpose() * away)
             }
@@ -81,6 +107,16 @@ impl PointLight {
                 let power = Vec3::splat(self.intensity(direction) / density);
                 let lit = power.x > 0.0;
                 lit.then_some(Emitted { origin: position, direction, column: 0, power, density: 0.0 })
+            }
+            PointEmitter::Ball { position, radius, .. } => {
+                let normal = cap_direction(Vec3::Z, 2.0, place);
+                let origin = position + radius * normal;
+                let (direction, density) = targets.sample_direction(origin, Some(normal), way)?;
+                let cosine = direction.dot(normal);
+                // Radiance over the density of the point, 1 / (4 π r²), and of the direction.
+                let power = Vec3::splat(4.0 * self.intensity(direction) * cosine / density);
+                let lit = power.x > 0.0;
+                lit.then_some(Emitted { origin, direction, column: 0, power, density: 0.0 })
             }
             PointEmitter::Sun { .. } => {
                 let LightSample { towards, weight, pdf, .. } = self.sample(Vec3::ZERO, place)?;
@@ -104,7 +140,10 @@ impl PointLight {
                 let inside = (direction - towards).length() <= 2.0 * (0.5 * angular_radius_radians).sin();
                 (self.is_disc() && inside).then(|| self.found_inside(angular_radius_radians))
             }
-            PointEmitter::Point { .. } | PointEmitter::Spot { .. } | PointEmitter::Ies { .. } => None,
+            PointEmitter::Point { .. }
+            | PointEmitter::Spot { .. }
+            | PointEmitter::Ball { .. }
+            | PointEmitter::Ies { .. } => None,
         }
     }
 
@@ -113,6 +152,13 @@ impl PointLight {
         let radiance = 1.0 / (PI * radius.sin().powi(2));
         SeenLight { source: 0, column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
     }
+}
+
+/// Relative intensity of a spot along `away`.
+fn within(SpotCone { direction, inner_radians, outer_radians }: SpotCone, away: Vec3) -> f32 {
+    let (inner, outer) = (inner_radians.cos(), outer_radians.cos());
+    let t = ((away.dot(direction) - outer) / (inner - outer).max(1e-6)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
 }
 
 /// `1 − cos r`, without cancellation for small caps.

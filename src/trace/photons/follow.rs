@@ -3,8 +3,8 @@
 use glam::{Vec2, Vec3};
 
 use super::super::lights::Emitted;
-use super::super::sampler::{Dimension, Sampler};
-use super::super::vertex::PathVertex;
+use super::super::sampler::{Dimension, KIND_DIMENSION, Sampler};
+use super::super::vertex::{PathRay, PathVertex};
 use super::super::world::{MAX_PASSES, World};
 use super::{Photon, fold};
 
@@ -21,21 +21,24 @@ pub(super) fn follow(
     share: f32,
     rays: &mut u64,
 ) -> Option<Photon> {
-    let Emitted { mut origin, mut direction, column, mut power, density } = emitted;
+    let Emitted { origin, direction, column, mut power, density } = emitted;
+    let mut ray = PathRay::new(origin, direction);
     let (mut segments, mut passes) = (1, 0);
     // The camera path to its surface has at least one segment.
     while segments < max_depth && passes < MAX_PASSES {
-        let point = world.intersect(origin, direction, rays)?;
-        let at = PathVertex::new(world, point, direction);
+        let point = world.intersect(ray.origin, ray.direction, rays)?;
+        let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + segments + passes).x;
+        let at = PathVertex::new(world, point, &ray, kind);
+        power *= at.kept;
         let mut choice = sampler.pair(Dimension::Choice, segments + passes);
         if choice.x >= at.opacity {
             passes += 1;
-            origin = at.point.start(direction);
+            ray = at.past(&ray);
             continue;
         }
         choice.x /= at.opacity;
-        if at.bsdf.is_non_specular() {
-            let folded = (fold(direction), fold(at.normal));
+        if at.bsdf.lobes().is_non_specular() {
+            let folded = (fold(ray.direction), fold(at.normal));
             let rests = segments > 1 && power.is_finite();
             return rests.then_some(Photon {
                 position: at.point.position,
@@ -52,16 +55,16 @@ pub(super) fn follow(
         power *= next.weight * next.eta_scale;
         if next.pass_through {
             passes += 1;
+            ray = at.past(&ray);
         } else {
             let leaving = at.leaving(&next)?;
-            power *= gain(&at, direction, leaving, next.wi.z.abs());
-            direction = leaving;
+            power *= gain(&at, ray.direction, leaving, next.wi.z.abs());
+            ray = at.ray(world, leaving);
             segments += 1;
         }
         if power == Vec3::ZERO {
             return None;
         }
-        origin = at.point.start(direction);
     }
     None
 }

@@ -21,8 +21,10 @@ mod follow;
 mod near;
 mod pages;
 mod radius;
+mod reach;
 mod tree;
 
+use std::f32::consts::FRAC_1_PI;
 use std::path::Path;
 use std::time::Instant;
 
@@ -44,6 +46,7 @@ pub(super) use near::LANES;
 use near::{Disc, Near, NearInFile};
 use pages::{Items, Pages, Place, WrittenPages};
 use radius::RadiusField;
+use reach::{MIN_WEIGHT, Reach};
 
 /// Photons emitted for each path of the image.
 const PER_PATH: f64 = 0.5;
@@ -150,6 +153,7 @@ struct Leaf {
 pub(super) struct Photons {
     maps: Vec<Map>,
     radius: RadiusField,
+    reach: Reach,
     targets: Targets,
     /// Number of photons that leave each light, for each sample of a pixel.
     per_sample: f32,
@@ -200,6 +204,8 @@ pub(super) struct PhotonGather {
     /// Geometric normal on the viewer's side.
     pub(super) normal: Vec3,
     pub(super) radius: f32,
+    /// Whether photons from the other side count as well.
+    pub(super) two_sided: bool,
     /// Largest number of segments that a photon's path may have.
     pub(super) most_segments: u32,
 }
@@ -277,6 +283,7 @@ impl Leaf {
         let mut share = [0.0; LANES];
         for lane in 0..LANES {
             let cosine = normal[0][lane] * at.normal.x + normal[1][lane] * at.normal.y + normal[2][lane] * at.normal.z;
+            let cosine = if at.two_sided { cosine.abs() } else { cosine };
             alike[lane] = u32::from(cosine > ALIKE) & u32::from(self.segments[lane] <= at.most_segments);
             share[lane] = peak * (1.0 - distances[lane] / square);
         }
@@ -348,6 +355,7 @@ impl Photons {
         };
         let numbers = Numbers::of(&world.scene, pixels, settings);
         let (mut maps, mut places, mut rays, mut held) = (Vec::new(), Vec::new(), 0, 0);
+        let mut first_places = Vec::new();
         let (mut pages, mut maps_in_file) = (None, Vec::new());
         loop {
             let made = (maps.len() + maps_in_file.len()) as u32;
@@ -361,6 +369,7 @@ impl Photons {
             rays += of_each.iter().sum::<u64>();
             if made < FEW_MAPS {
                 places.extend(photons.iter().flatten().map(|photon| photon.position));
+                first_places.extend(photons.iter().flatten().map(|photon| (photon.position, photon.density)));
             }
             let sorted: Vec<Map> = photons.into_par_iter().map(Map::sort).collect();
             for map in sorted {
@@ -387,7 +396,17 @@ impl Photons {
         // The first maps show where photons are dense.
         let all = maps.iter().map(|map| map.count).sum();
         let radius = RadiusField::of(&mut places, all, targets.scene_radius());
-        let photons = radius.map(|radius| Self { maps, radius, targets, per_sample: per_sample as f32 });
+        let per_sample = per_sample as f32;
+        let photons = radius.map(|radius| {
+            let counts = |&(place, density): &(Vec3, f32)| {
+                let expected = per_sample * std::f32::consts::PI * radius.at(place).powi(2);
+                density <= 0.0 || power_heuristic(expected * density, FRAC_1_PI) >= MIN_WEIGHT
+            };
+            first_places.retain(counts);
+            let places: Vec<Vec3> = first_places.into_iter().map(|(place, _)| place).collect();
+            let reach = Reach::around(&places, &radius);
+            Self { maps, radius, reach, targets, per_sample }
+        });
         Ok((photons, PhotonCost { sent: sent.all(), rays, seconds: begun.elapsed().as_secs_f64() }))
     }
 
@@ -401,7 +420,8 @@ impl Photons {
         let in_map = size_of::<Leaf>() / LANES + Near::BYTES_PER_POINT;
         // The photons of the maps being sorted, and the positions of the first maps.
         let sorting = of(AT_ONCE) * (size_of::<Photon>() + in_map) as u64;
-        let places = of(FEW_MAPS) * RadiusField::BYTES_PER_PHOTON as u64;
+        let first = RadiusField::BYTES_PER_PHOTON + 2 * size_of::<(Vec3, f32)>();
+        let places = of(FEW_MAPS) * first as u64 + 2 * Reach::MOST_BYTES;
         sorting + places + (numbers.all() * in_map as u64).min(MAP_BYTES as u64)
     }
 
@@ -422,9 +442,10 @@ impl Photons {
         [maps, maps.min(LATER_MAPS)].map(|maps| sample % maps)
     }
 
-    /// The gathering radius at a position.
+    /// The gathering radius at a position; 0 where photons are not gathered.
+    #[inline(always)]
     pub(super) fn radius_at(&self, position: Vec3) -> f32 {
-        self.radius.at(position)
+        if self.reach.holds(position) { self.radius.at(position) } else { 0.0 }
     }
 
     /// Gathers all photons within reach of a surface, in the same order on every machine.
@@ -538,7 +559,10 @@ mod tests {
                 let position = photon.position;
                 let at = |photons: &Photons| {
                     let (radius, mut taken) = (photons.radius_at(position), Taken::default());
-                    photons.gather(&PhotonGather { map, position, normal, radius, most_segments: 8 }, &mut taken);
+                    photons.gather(
+                        &PhotonGather { map, position, normal, radius, two_sided: false, most_segments: 8 },
+                        &mut taken,
+                    );
                     taken
                 };
                 let [held, few, none] = [&held, &few, &none].map(at);

@@ -45,6 +45,11 @@ impl RadiusField {
         Some(Self { tree, radii })
     }
 
+    /// The largest radius.
+    pub(super) fn largest(&self) -> f32 {
+        self.radii.iter().copied().fold(0.0, f32::max)
+    }
+
     pub(super) fn at(&self, position: Vec3) -> f32 {
         self.radii[self.tree.leaf_of(position)]
     }

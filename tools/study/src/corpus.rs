@@ -66,7 +66,7 @@ impl Default for CorpusOptions {
 
 /// What a scene is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Half {
+pub(super) enum Half {
     /// Constants are chosen on it.
     Chooses,
     /// What is published of the program's pictures is measured on it.
@@ -88,8 +88,8 @@ impl Half {
 }
 
 /// A scene of the corpus.
-struct Entry {
-    name: String,
+pub(super) struct Entry {
+    pub(super) name: String,
     half: Half,
     /// `None` for a built-in scene.
     file: Option<PathBuf>,
@@ -197,7 +197,7 @@ const EACH_COLUMNS: [(&str, usize); 8] = [
 ];
 
 /// The scenes that are wanted; without a corpus, or in the quick setting, two built-in ones.
-fn entries(bench: &Bench<'_>) -> Result<Vec<Entry>> {
+pub(super) fn entries(bench: &Bench<'_>) -> Result<Vec<Entry>> {
     let folder = std::env::var_os(VARIABLE).map(PathBuf::from);
     let mut found: Vec<(String, Option<PathBuf>)> = match folder {
         _ if bench.quick => ["diffuse", "mixed"].map(|name| (name.to_owned(), None)).into(),
@@ -229,7 +229,7 @@ fn scene_file(folder: &Path) -> Option<PathBuf> {
 }
 
 /// A matrix of a scene, and how long its tracing took when it was traced.
-fn matrix(bench: &Bench<'_>, entry: &Entry, (samples, seed): (u32, u64)) -> Result<(StoreReader, Took)> {
+pub(super) fn matrix(bench: &Bench<'_>, entry: &Entry, (samples, seed): (u32, u64)) -> Result<(StoreReader, Took)> {
     let (width, height) = size(bench);
     let loaded = match &entry.file {
         // Some name textures of their makers' disks.
@@ -357,7 +357,7 @@ fn rivals(
     let mut rivals = vec![Rival { method: OURS, bytes: Some(ours.bytes), took: clock.stop(), images: ours.images }];
     let raw = relight_raw(&matrix, &lightings)?;
     if let Some(surfaces) = surfaces {
-        let (images, secs, cpu_secs) = oidn::denoise_timed(&raw, surfaces, &bench.cached("oidn"))?;
+        let oidn::TimedImages { images, secs, cpu_secs } = oidn::denoise_timed(&raw, surfaces, &bench.cached("oidn"))?;
         rivals.push(Rival { method: DENOISER, bytes: None, took: Took { secs, cpu_secs }, images });
     }
     rivals.push(Rival { method: RAW, bytes: Some(matrix.shape().raw_bytes()), took, images: raw });

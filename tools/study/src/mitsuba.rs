@@ -14,7 +14,7 @@ use super::raw_image::read_f32;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;
-use ltm::scene::{Emitter, LoadedScene, Mesh, Paint, Surface, Triangle};
+use ltm::scene::{Emitter, FloatTexture, LoadedScene, Mesh, Paint, PrincipledSurface, Surface, Triangle};
 
 const SCRIPT: &str = include_str!("render_with_mitsuba.py");
 const COLUMNS_SCRIPT: &str = include_str!("render_columns_with_mitsuba.py");
@@ -152,7 +152,19 @@ fn bsdf(surface: Surface) -> Result<Value> {
         Surface::Dielectric { ior, .. } => json!({ "type": "dielectric", "int_ior": ior, "ext_ior": 1.0 }),
         Surface::ThinDielectric { ior, .. } => json!({ "type": "thindielectric", "int_ior": ior, "ext_ior": 1.0 }),
         Surface::Black => json!({ "type": "diffuse", "reflectance": rgb([0.0; 3]) }),
-        Surface::RoughConductor { .. } | Surface::Coated { .. } => {
+        Surface::Principled(PrincipledSurface {
+            base: Paint::Constant(base),
+            roughness: FloatTexture::Constant(roughness),
+            transmission,
+            metallic,
+            ior,
+            is_thin: false,
+            ..
+        }) if transmission.is(1.0) && metallic.is(0.0) => json!({
+            "type": "roughdielectric", "distribution": "ggx", "alpha": roughness * roughness, "int_ior": ior, "ext_ior": 1.0,
+            "specular_transmittance": rgb(base.map(f32::sqrt).to_array())
+        }),
+        Surface::RoughConductor { .. } | Surface::Coated { .. } | Surface::Principled(_) => {
             return Err(Error::input("material", "is glossy in a way that Mitsuba has no exact twin of", ""));
         }
     })
