@@ -60,7 +60,7 @@ struct Place {
 
 /// The places of a scene.
 #[derive(Debug)]
-pub(super) struct Guide {
+pub(super) struct PathGuide {
     places: Vec<Place>,
 }
 
@@ -82,7 +82,7 @@ pub(super) struct Guided {
     pub(super) weight: Vec3,
 }
 
-impl Guide {
+impl PathGuide {
     /// The places of a scene; `None` if no lamp has any.
     pub(super) fn of(world: &World) -> Option<Self> {
         let emitters = &world.scene.emitters;

@@ -18,6 +18,7 @@ mod integrator;
 mod lights;
 mod photon_targets;
 mod photons;
+mod pixel_filter;
 mod planes;
 mod relief;
 mod sampler;

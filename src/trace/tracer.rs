@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::TraceSettings;
 use super::accumulator::{NoiseSums, PixelMeans, PixelSums, RUN, Run, interleave};
 use super::bvh::Bvh;
-use super::guiding::Guide;
+use super::guiding::PathGuide;
 use super::integrator::{Paths, trace_sample};
 use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
 use super::planes::{self, PlaneSums};
@@ -38,7 +38,7 @@ pub struct BlockStats {
 pub struct Tracer {
     world: World,
     /// `None` if no lamp has a surface close by.
-    guide: Option<Guide>,
+    guide: Option<PathGuide>,
     /// `None` if they are disabled, or if no mirror and no glass reflects light to a surface.
     photons: Option<Photons>,
     photon_cost: PhotonCost,
@@ -94,7 +94,7 @@ impl Tracer {
         let clusters = Clusters::of_basis(&scene.basis);
         let world = World::new(scene)?;
         let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings, sending, MAP_BYTES)?;
-        let guide = Guide::of(&world);
+        let guide = PathGuide::of(&world);
         Ok(Self {
             world,
             guide,
@@ -118,7 +118,7 @@ impl Tracer {
     /// A scene whose parts do not match each other, lights without area.
     pub fn measure_column_scales(scene: impl Into<Arc<Scene>>, max_depth: u32) -> Result<Vec<f32>> {
         let world = World::new(scene.into())?;
-        let guide = Guide::of(&world);
+        let guide = PathGuide::of(&world);
         Ok(scales::measure(&Paths { world: &world, photons: None, guide: guide.as_ref(), max_depth }))
     }
 
