@@ -37,7 +37,7 @@ fn room(folder: &Path, metres: f32) -> ltm::scene::LoadedScene {
     let place = |place: [f32; 3]| format!("{:?}", place.map(|v| v * unit));
     let watts = |per_steradian: f32| format!("{:?}", [per_steradian * unit * unit; 3]);
     let scene = format!(
-        "geometry = [\"room.obj\"]\n[camera]\neye = {}\nlook_at = {}\nwidth = 64\nheight = 48\n[render]\nsamples_per_pixel = 32\n\
+        "geometry = [\"room.obj\"]\n[camera]\neye = {}\nlook_at = {}\nwidth = 64\nheight = 48\n[render]\nsamples_per_pixel = 32\nmax_depth = 12\n\
          [[light]]\nkind = \"panel\"\nname = \"panel\"\norigin = {}\nedge_u = {}\nedge_v = {}\nfaces = [0, -1, 0]\ntexels = [4, 4]\n\
          emission = [4, 4, 4]\n\
          [[light]]\nkind = \"point\"\nname = \"bulb\"\nposition = {}\nemission = {}\n\

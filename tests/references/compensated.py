@@ -7,6 +7,13 @@ import mitsuba as mi
 import numpy as np
 
 
+def masking(alpha, cosine):
+    """Smith's masking of one direction. Mitsuba multiplies those of both; here they are correlated by height (Heitz 2014)."""
+    tan2 = 1.0 / (cosine * cosine) - 1.0
+    root = (1.0 + alpha * alpha * tan2) ** 0.5
+    return 2.0 / (1.0 + root)
+
+
 def register():
     """Registers the plugin for the variant that is set."""
 
@@ -16,6 +23,7 @@ def register():
         def __init__(self, props):
             mi.BSDF.__init__(self, props)
             rough = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": props["alpha"]}
+            self.alpha = props["alpha"]
             self.nested = mi.load_dict(rough)
             self.m_components = [mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide]
             self.m_flags = self.m_components[0]
@@ -28,7 +36,10 @@ def register():
                 hit = dr.zeros(mi.SurfaceInteraction3f, count)
                 hit.wi = mi.Vector3f(math.sqrt(1.0 - cosine * cosine), 0.0, cosine)
                 _, weight = self.nested.sample(mi.BSDFContext(), hit, mi.Float(0.5), mi.Point2f(pair))
-                albedo.append(float(np.array(weight.x).mean()))
+                here, there = masking(self.alpha, cosine), np.array(weight.x)
+                seen = there > 0.0
+                kept = np.where(seen, 1.0 / (1.0 + here * (1.0 / np.where(seen, there, 1.0) - 1.0)), 0.0)
+                albedo.append(float(kept.mean()))
             lost = 1.0 - np.array(albedo)
             self.lost = mi.Float(lost)
             fine = (np.arange(4096) + 0.5) / 4096
@@ -54,7 +65,9 @@ def register():
             up = active & (mi.Frame3f.cos_theta(hit.wi) > 0.0) & (mi.Frame3f.cos_theta(wo) > 0.0)
             there, back = (self.lost_at(mi.Frame3f.cos_theta(w), up) for w in (hit.wi, wo))
             several = there * back / (math.pi * self.mean) * mi.Frame3f.cos_theta(wo)
-            return dr.select(up, self.nested.eval(context, hit, wo, active) + several, 0.0)
+            o, i = (masking(self.alpha, mi.Frame3f.cos_theta(w)) for w in (hit.wi, wo))
+            together = 1.0 / (o + i - o * i)
+            return dr.select(up, self.nested.eval(context, hit, wo, active) * together + several, 0.0)
 
         def pdf(self, context, hit, wo, active=True):
             up = active & (mi.Frame3f.cos_theta(hit.wi) > 0.0) & (mi.Frame3f.cos_theta(wo) > 0.0)

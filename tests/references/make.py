@@ -103,7 +103,6 @@ def lambert(r):
 MIRROR = {"type": "twosided", "bsdf": {"type": "conductor", "material": "none", "specular_reflectance": grey(0.9)}}
 GLOSSY = {"type": "twosided", "bsdf": {"type": "compensated", "alpha": 0.2}}
 GLASS = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
-ROUGH_GLASS = {"type": "roughdielectric", "distribution": "ggx", "alpha": 0.1, "int_ior": 1.5, "ext_ior": 1.0}
 SHEET = {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0}
 
 WALLS = (room((0, 0, 0), (1, 1, 1)), lambert(0.5))
@@ -118,7 +117,6 @@ SCENES = {
     "smooth_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), MIRROR)], CEILING),
     "smooth_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), GLOSSY)], CEILING),
     "smooth_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), GLASS)], CEILING),
-    "smooth_rough_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), ROUGH_GLASS)], CEILING),
     "coarse_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), MIRROR)], CEILING),
     "coarse_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), GLOSSY)], CEILING),
     "coarse_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), GLASS)], CEILING),

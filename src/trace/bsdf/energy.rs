@@ -19,7 +19,7 @@ use super::microfacet::Ggx;
 const COSINES: usize = 32;
 /// Rows that are integrated, over the square root of α, and those between them.
 const INTEGRATED: usize = 33;
-const ROWS: usize = 8 * (INTEGRATED - 1) + 1;
+const ROWS: usize = 32 * (INTEGRATED - 1) + 1;
 /// Points of the midpoint rule: rings and turns.
 const POINTS: [u32; 2] = [40, 16];
 /// Cosine of the first node: at 0 no normal is visible.
