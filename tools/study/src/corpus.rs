@@ -74,7 +74,7 @@ pub(super) enum Half {
 }
 
 impl Half {
-    /// Of the scene at this place among all, sorted by name. Never to be changed.
+    /// Of the scene at this place among all, sorted by name. Never to be changed: decision 46.
     fn of(place: usize) -> Self {
         if place.is_multiple_of(2) { Self::Chooses } else { Self::Judges }
     }
