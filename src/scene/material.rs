@@ -329,6 +329,6 @@ impl PrincipledSurface {
     /// Whether it is glass in part, so that a path draws whether it meets the glass.
     #[inline(always)]
     pub fn is_mixed(&self) -> bool {
-        !self.transmission.is(0.0) && !(self.transmission.is(1.0) && self.metallic.is(0.0))
+        !(self.transmission.is(0.0) || self.transmission.is(1.0) && self.metallic.is(0.0))
     }
 }

@@ -18,7 +18,7 @@ def register():
     """Registers the plugin for the variant that is set."""
 
     class Compensated(mi.BSDF):
-        NODES, GRID, NESTED = 64, 128, 0.9
+        NODES, GRID, NESTED = 64, 1024, 0.9
 
         def __init__(self, props):
             mi.BSDF.__init__(self, props)

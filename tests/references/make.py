@@ -25,6 +25,8 @@ import compensated
 
 mi.set_variant("scalar_rgb")
 SIDE, RENDERS, SAMPLES, DEPTH = 16, 16, 512, 24
+# Of these the difference is compared: its noise is that of both.
+OFTENER = {"smooth_glossy": 4, "direct_smooth_glossy": 4}
 
 
 def add(a, b):
@@ -236,10 +238,11 @@ def main(target, names):
                 apart = 100_003 if panel in LAMPS else 1
                 # Other paths than the whole image's, which it is subtracted from.
                 first = 1000 * texel + (500 if name in DIRECT else 0)
-                seeds = [apart * (first + s) for s in range(RENDERS)]
+                renders = RENDERS * OFTENER.get(name, 1)
+                seeds = [apart * (first + s) for s in range(renders)]
                 images = np.stack([np.array(render(loaded, seed), dtype=np.float64) for seed in seeds])
             means.append(images.mean(axis=0).transpose(2, 0, 1))
-            variances.append(images.var(axis=0, ddof=1).transpose(2, 0, 1) / RENDERS)
+            variances.append(images.var(axis=0, ddof=1).transpose(2, 0, 1) / renders)
         data = np.stack([np.stack(means), np.stack(variances)]).astype("<f4")
         data.tofile(os.path.join(target, name + ".f32"))
         print(name, data.shape, data[0].mean(), flush=True)

@@ -46,7 +46,7 @@ const SAMPLE_BLOCKS: usize = 48;
 /// PSNR in dB of [`Target::Automatic`] for denoised images, which have no noise that would hide errors. Each of several
 /// lights alone counts as much as all together
 /// ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)), and steps go by the eye
-/// ([`CompressSettings::by_eye`]). Tuned: decision 70.
+/// ([`CompressSettings::by_eye`]). Tuned: decisions 32 and 70.
 const DENOISED_DB: f64 = 62.0;
 
 /// Largest number of components of a block of denoised images, unless another number is chosen: those of the clusters

@@ -77,11 +77,11 @@ impl GlassRow {
         let mut row = Self { lost: [[0.0; COSINES]; 2], mean_lost: [0.0; 2], transmitted: 0.0 };
         for (side, relative) in [ior, 1.0 / ior].into_iter().enumerate() {
             let mut passed = [0.0; COSINES];
-            for node in 0..COSINES {
+            for (node, passed) in passed.iter_mut().enumerate() {
                 let cosine = (node as f32 / (COSINES - 1) as f32).max(LEAST_COSINE);
                 let [reflected, transmitted] = sent_away(relative, alpha, cosine);
                 row.lost[side][node] = (1.0 - reflected - transmitted).max(0.0);
-                passed[node] = transmitted;
+                *passed = transmitted;
             }
             row.mean_lost[side] = mean(&row.lost[side]).max(1e-7);
             if side == 0 {

@@ -23,6 +23,7 @@ impl Lobes {
     pub const STRAIGHT: Self = Self(64);
 
     /// Both.
+    #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }

@@ -74,7 +74,7 @@ const AT_ONCE: u32 = 4;
 const MIN_DEPTH: u32 = 3;
 
 /// Bytes of maps that are kept in memory; the others are in a file.
-pub(super) const MAP_BYTES: usize = 192 << 20;
+pub(super) const MAP_BYTES: usize = 176 << 20;
 
 /// Half the height of the disc in which photons are gathered, in units of its radius, for curved surfaces.
 const THICKNESS: f32 = 0.3;
