@@ -38,7 +38,9 @@ mod peak;
 mod progress;
 mod threads;
 
-pub(crate) use budget::{PROGRAM_BYTES, ResourceEstimate};
+#[cfg(feature = "scene")]
+pub(crate) use budget::PROGRAM_BYTES;
+pub(crate) use budget::ResourceEstimate;
 pub use budget::{budget_bytes, hold_to_memory, human_bytes, parse_bytes};
 pub use memory_need::MemoryNeed;
 pub(crate) use memory_need::{Held, PerThread};

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::matrix::{BlockId, FactorSource, MatrixShape};
 
 /// The codings of chunks that the page knows: their first byte.
-const CODINGS: [u8; 2] = [3, 4];
+const CODINGS: [u8; 3] = [3, 4, 5];
 
 /// One layer of all blocks, as it will stand in the file.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ impl<'a> Level<'a> {
                 }
                 let chunk = source.stored_layer(id, layer as u32)?;
                 if chunk.first().is_some_and(|coding| !CODINGS.contains(coding)) {
-                    let problem = format!("is coded in an early way ({}), which the page does not read", chunk[0]);
+                    let problem = format!("has a coding ({}) that the page does not read", chunk[0]);
                     return Err(Error::input(id.to_string(), problem, "unpack it and pack it again"));
                 }
                 let bytes = u32::try_from(chunk.len())

@@ -46,7 +46,10 @@ fn what_cannot_be_shared_is_one_line_and_leaves_nothing() {
         command
     };
     let (code, _, problem) = outcome(&mut share(golden("v1.ltc")));
-    assert!(code == 3 && problem.contains("early way") && problem.lines().count() == 1, "{code} {problem}");
+    assert!(
+        code == 3 && problem.contains("that the page does not read") && problem.lines().count() == 1,
+        "{code} {problem}"
+    );
     assert_eq!(outcome(&mut share(folder.path().join("none.ltc"))).0, 5);
     assert_eq!(outcome(&mut share(golden("v1-f32.ltm"))).0, 3);
     assert_eq!(outcome(share(golden("v1-coding-3.ltc")).args(["--exposure", "100"])).0, 3);
