@@ -10,7 +10,7 @@ use super::microfacet::Ggx;
 use super::{Lobes, Scattered, cosine_hemisphere};
 
 /// A GGX boundary that reflects and refracts at every facet (Walter et al. 2007, *Microfacet models for refraction
-/// through rough surfaces*, §5), with the light that meets several facets ([`GlassRow`]).
+/// through rough surfaces*, §5), with the light that meets several facets.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
     /// Index of refraction on the far side over that on the viewer's.
