@@ -39,9 +39,9 @@ describe('loading', { skip: !hasBrowser }, () => {
     return data;
   };
 
-  it('reads a room whose right sides have steps for each band', () => {
+  it('reads a room with steps for each band of right sides and each zone of left ones', () => {
     const { offset, indexBytes } = head.levels[1].layers[1];
-    assert.equal(made.data[rest + offset + indexBytes], 4);
+    assert.equal(made.data[rest + offset + indexBytes], 5);
   });
 
   it('asks for the page and its data, and nothing else', async () => {
