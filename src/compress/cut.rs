@@ -32,7 +32,7 @@ const RIGHT_NOISE_SHARE: f64 = 0.5;
 /// noise. Tuned: decision 31.
 const SAVED_OVER_NOISE: f64 = 0.002;
 /// The same for what is lost at any slope beside noise, since the rank of the candidates does not reach it.
-const SAVED_OVER_LOST: f64 = 0.1;
+const SAVED_OVER_LOST: f64 = 0.15;
 /// Least step relative to an entry's root mean square: the precision of 16-bit floats.
 const FINEST_STEP: f64 = 1.0 / 2048.0;
 

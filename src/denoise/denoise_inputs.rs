@@ -160,6 +160,7 @@ impl DenoiseInputs {
             let problem = "its samples were not kept apart, so it cannot be denoised";
             Error::input(id.to_string(), problem, Hint::PackWithoutDenoising)
         })?;
+        super::pixel_albedo::adopt(&mut planes);
         super::outliers::spread(&mut planes, rect.width as usize);
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let contrasts = self.contrasts_of(id, block, &planes.emission);

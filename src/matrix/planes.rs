@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::CHANNELS;
 
 /// Planes of features: see [`Feature`].
-pub const FEATURE_PLANES: usize = 11;
+pub const FEATURE_PLANES: usize = 14;
 
 /// Emitters that are listed for each pixel at most, in the mean over a block.
 const MAX_SEEN_IN_PIXEL: u64 = 8;
@@ -33,6 +33,9 @@ pub enum Feature {
     /// would name another material, so it is that of the first sample. Its variance is that of the mean of indices, 0
     /// if all samples show one material. 0 as well if a file of an earlier version, or an import, does not know it.
     Material,
+    /// RGB: the albedo of the pixel by further camera rays, which carry no light, together with the samples. Where the samples alone
+    /// know it well, and in files of an earlier version and imports, it is [`Albedo`](Self::Albedo).
+    PixelAlbedo,
 }
 
 /// Light of an emitter that a pixel shows: the emitter is met by the camera ray, or through a chain of mirrors and
@@ -72,8 +75,21 @@ pub struct BlockPlanes {
 
 impl Feature {
     /// All features in the order of their planes.
-    pub const ALL: [Self; 7] =
-        [Self::Albedo, Self::Normal, Self::Depth, Self::Emitter, Self::Specular, Self::Surface, Self::Material];
+    pub const ALL: [Self; 8] = [
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::Emitter,
+        Self::Specular,
+        Self::Surface,
+        Self::Material,
+        Self::PixelAlbedo,
+    ];
+
+    /// Whether it is of the samples that carry light alone, without further camera rays.
+    pub fn is_of_light(self) -> bool {
+        matches!(self, Self::Albedo | Self::Emitter | Self::Specular | Self::Material)
+    }
 
     /// The planes of the feature.
     pub fn planes(self) -> Range<usize> {
@@ -85,6 +101,7 @@ impl Feature {
             Self::Specular => 8..9,
             Self::Surface => 9..10,
             Self::Material => 10..11,
+            Self::PixelAlbedo => 11..14,
         }
     }
 }
@@ -93,6 +110,17 @@ impl BlockPlanes {
     /// Emitters that a block of `pixels` lists, at most.
     pub fn most_seen(pixels: u64, columns: u64) -> u64 {
         pixels * columns.min(MAX_SEEN_IN_PIXEL)
+    }
+
+    /// Takes the albedo of the samples for that of the pixel, of which nothing more is known.
+    pub fn pixel_albedo_of_samples(&mut self) {
+        let [from, to] = [Feature::Albedo, Feature::PixelAlbedo].map(|feature| {
+            let planes = feature.planes();
+            planes.start * self.pixels()..planes.end * self.pixels()
+        });
+        for planes in [&mut self.features, &mut self.feature_variance] {
+            planes.copy_within(from.clone(), to.start);
+        }
     }
 
     /// Makes these the empty planes of a block of `pixels` and `clusters`, keeping the allocations. The values of the

@@ -11,15 +11,18 @@ use super::{PAGE_BYTES, Precision, StoreLayout, StoreOptions, disk_structure};
 /// First bytes of every `.ltm` file: a byte above 127, the name, and line ends that a text transfer would change.
 pub const MAGIC: [u8; 8] = *b"\x89LTM\r\n\x1a\n";
 /// Version of the format that this program writes; it reads this one and all earlier ones, and goes on with their files.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// The version of files without planes: the first.
 const VERSION_WITHOUT_PLANES: u32 = 1;
 /// The version whose planes do not know materials.
 const VERSION_WITHOUT_MATERIAL: u32 = 2;
 /// The last version whose job description stands in fixed order, before it became tagged sections.
 const VERSION_WITHOUT_SECTIONS: u32 = 3;
-/// Planes of features of that version.
+/// The last version whose planes do not know the albedo of pixels by further rays.
+const VERSION_WITHOUT_PIXEL_ALBEDO: u32 = 4;
+/// Planes of features of those versions.
 const FEATURES_WITHOUT_MATERIAL: u32 = 10;
+pub(super) const FEATURES_WITHOUT_PIXEL_ALBEDO: u32 = 11;
 
 disk_structure! {
     /// The header as it lies at the start of the header page; the rest of the page is zero.
@@ -184,6 +187,7 @@ impl UnverifiedHeader {
         let features = match fields.version {
             _ if !has_planes => 0,
             VERSION_WITHOUT_MATERIAL => FEATURES_WITHOUT_MATERIAL,
+            ..=VERSION_WITHOUT_PIXEL_ALBEDO => FEATURES_WITHOUT_PIXEL_ALBEDO,
             _ => FEATURE_PLANES as u32,
         };
         let layout = StoreLayout { shape, precision, max_probes, clusters, features, job_bytes };

@@ -43,7 +43,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
     };
     for reader in &readers[1..] {
         if reader.job().hash() != first.job().hash() || !tiles_fit(reader, first) {
-            let problem = format!("is of another job or precision than {}", first.path().display());
+            let problem = format!("is of another job, precision or version than {}", first.path().display());
             return Err(Error::input(reader.path().display().to_string(), problem, "merge files of one job only"));
         }
     }

@@ -3,6 +3,7 @@
 use crate::matrix::{BlockPlanes, CHANNELS, SeenEmission, decode_unsigned, encode_unsigned};
 
 use super::StoreLayout;
+use super::header::FEATURES_WITHOUT_PIXEL_ALBEDO;
 use super::record::PlanesRecord;
 
 /// The bytes of a block's planes: features, then variances and light in 16 bits, padding to 4, emission.
@@ -46,6 +47,9 @@ pub(super) fn decode_planes(
     let light = direct.iter_mut().chain(indirect);
     for (value, bytes) in variances[..kept].iter_mut().chain(light.flatten()).zip(rest.chunks_exact(2)) {
         *value = decode_unsigned(bytemuck::pod_read_unaligned(bytes));
+    }
+    if layout.features <= FEATURES_WITHOUT_PIXEL_ALBEDO {
+        target.pixel_albedo_of_samples();
     }
     target.emission.reserve_exact(record.seen as usize);
     target

@@ -3,8 +3,8 @@
 //! Seen from the room such a surface is a small solid angle of large radiance, which scattered rays find rarely: the
 //! image gets few samples of great weight. So before any block is traced, rays from each lamp show where much of its
 //! flux arrives close to it, in shells around the lamp. From each diffuse vertex of a path one more ray is then sent
-//! into the cone around such a place, and followed on if it arrives there. Light that the path's own ray finds there is
-//! weighted against it by the balance heuristic (Veach 1997, §9.2.2), so that the mean is unchanged. A scene without
+//! into the cone around such a place, straight through thin sheets, and followed on if it arrives there. Light that the path's
+//! own ray finds there is weighted against it by the balance heuristic (Veach 1997, §9.2.2), so that the mean is unchanged. A scene without
 //! such places is traced as if there were no guiding.
 
 use std::f32::consts::TAU;
@@ -74,12 +74,17 @@ struct Cone {
 }
 
 /// A guided ray.
+#[derive(Clone, Copy)]
 pub(super) struct Guided {
+    /// Position and normal that it leaves.
+    from: (Vec3, Vec3),
     pub(super) direction: Vec3,
+    /// BSDF times cosine.
+    value: Vec3,
     /// Density of the direction by the BSDF.
     pub(super) pdf: f32,
-    /// Factor on the throughput.
-    pub(super) weight: Vec3,
+    /// Probability that it is sent.
+    chance: f32,
 }
 
 impl PathGuide {
@@ -107,17 +112,9 @@ impl PathGuide {
         bsdf.lobes().has(Lobes::DIFFUSE_REFLECTION) && !bsdf.lobes().is_two_sided()
     }
 
-    /// A ray into a place from a diffuse vertex, sent with a probability of `chance`. `None` if it is not sent or does not
-    /// arrive in the place.
+    /// A ray into a place from a diffuse vertex, sent with a probability of `chance`. `None` if it is not sent.
     #[inline(always)]
-    pub(super) fn sample(
-        &self,
-        world: &World,
-        from: &PathVertex,
-        chance: f32,
-        sampler: Sampler,
-        rays: &mut u64,
-    ) -> Option<Guided> {
+    pub(super) fn sample(&self, from: &PathVertex, chance: f32, sampler: Sampler) -> Option<Guided> {
         if chance < 1.0 && sampler.pair(Dimension::Choice, 0).x >= chance {
             return None;
         }
@@ -126,10 +123,14 @@ impl PathGuide {
         if value == Vec3::ZERO || direction.dot(from.normal) <= 0.0 {
             return None;
         }
-        let origin = from.point.start(direction);
-        let position = world.intersect(origin, direction, rays)?.position;
-        let guided = chance * self.pdf((from.point.position, from.frame.z), direction, position);
-        (guided > 0.0).then(|| Guided { direction, pdf, weight: value / (pdf + guided) })
+        Some(Guided { from: (from.point.position, from.frame.z), direction, value, pdf, chance })
+    }
+
+    /// The factor on the throughput of a guided ray that arrives at a point; 0 beside the places that it was sent to.
+    #[inline(always)]
+    pub(super) fn weight_of_guided(&self, ray: &Guided, position: Vec3) -> Vec3 {
+        let guided = ray.chance * self.pdf(ray.from, ray.direction, position);
+        if guided > 0.0 { ray.value / (ray.pdf + guided) } else { Vec3::ZERO }
     }
 
     /// The weight of a path whose own ray, scattered with the density `pdf` at a diffuse vertex, arrives at a point, where
@@ -292,13 +293,22 @@ fn emitted(world: &World, lamp: usize, ray: u32) -> Option<(Vec3, Vec3)> {
 fn lit_point(world: &World, (origin, direction): (Vec3, Vec3), near: f32) -> Option<(LitPoint, f32)> {
     // Beside the lamp's own surface.
     let start = origin + direction * (1e-4 * near);
-    let point = world.intersect(start, direction, &mut 0)?;
-    let distance = point.position.distance(origin);
-    let at = PathVertex::new(world, point, &PathRay::new(start, direction), || 0.5);
+    let mut ray = PathRay::new(start, direction);
+    let at = loop {
+        let at = PathVertex::new(world, world.intersect(ray.origin, direction, &mut 0)?, &ray, || 0.5);
+        if at.point.position.distance(origin) >= near {
+            return None;
+        }
+        if !at.may_be_passed() {
+            break at;
+        }
+        ray = at.past(&ray);
+    };
+    let (point, distance) = (at.point, at.point.position.distance(origin));
     let is_lamp = world.scene.mesh.triangles[point.triangle as usize].emitter.is_some();
     let scatters = at.bsdf.lobes().is_non_specular() && !is_lamp && at.bsdf.albedo(at.wo) != Vec3::ZERO;
     let lit = LitPoint { position: point.position, normal: at.normal, point };
-    (scatters && distance < near).then_some((lit, distance))
+    scatters.then_some((lit, distance))
 }
 
 /// What the camera sees.

@@ -82,8 +82,8 @@ struct Begin {
     layer: LightPath,
     /// The vertex that the first ray leaves; the eye.
     last: Last,
-    /// Share of the emission that the first ray shows: that which a guided ray finds is left to the path that it leaves.
-    seen: f32,
+    /// The guided ray that it begins with, whose factor on the throughput follows from where it arrives.
+    guided: Option<Guided>,
     vertex: u32,
 }
 
@@ -226,7 +226,7 @@ pub(super) fn trace_sample(
         eta_scale: 1.0,
         layer: LightPath::Emission,
         last: Last::only(&ray),
-        seen: 1.0,
+        guided: None,
         vertex: 0,
     };
     paths.follow(begin, paths.guide, maps, sampler, &mut record);
@@ -253,17 +253,15 @@ impl Paths<'_> {
         let mut last = begin.last;
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
         let mut layer = begin.layer;
-        // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
-        let mut seen = begin.seen;
+        // Share of such emission that this path shows; delta branches at the boundaries before show the rest. What a guided
+        // ray itself finds is left to the path that it leaves.
+        let mut seen = if begin.guided.is_some() { 0.0 } else { 1.0 };
         let (mut vertex, mut passes, mut travelled, mut forks) = (begin.vertex, 0, 0.0, MAX_FORKS);
-        let is_branch = begin.seen == 0.0;
+        let (is_branch, mut sent) = (begin.guided.is_some(), begin.guided);
         loop {
             let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + vertex + passes).x;
             let Some(at) = self.arrive(&ray, kind, &last, layer, throughput * seen, record) else { return };
-            throughput *= at.kept * last.weight_beside_guided(guide, ray.direction, &at);
-            if is_branch {
-                seen = 1.0;
-            }
+            throughput *= at.kept;
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
@@ -285,6 +283,14 @@ impl Paths<'_> {
             }
             if at_end && !at.bsdf.lobes().has(Lobes::STRAIGHT) {
                 return;
+            }
+            let may_be_passed = at.may_be_passed();
+            if !may_be_passed {
+                throughput *= self.weight_of_arrival(guide, (&mut last, &mut sent), &at, ray.direction);
+                if throughput == Vec3::ZERO {
+                    return;
+                }
+                seen = if is_branch { 1.0 } else { seen };
             }
 
             let (mut light_samples, mut radius) = (0, None);
@@ -315,6 +321,10 @@ impl Paths<'_> {
             let here = Fork { at: &at, throughput, eta_scale, layer, light_samples, radius, vertex };
             let guided = guide.map_or(0.0, |guide| self.send_guided(guide, here, maps, sampler, record));
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Dimension::Scatter, vertex), choice.x) else { return };
+            if may_be_passed && !next.pass_through {
+                throughput *= self.weight_of_arrival(guide, (&mut last, &mut sent), &at, ray.direction);
+                seen = if is_branch { 1.0 } else { seen };
+            }
             throughput *= next.weight;
             eta_scale *= next.eta_scale;
             match at.onward(world, &ray, &next) {
@@ -372,14 +382,30 @@ impl Paths<'_> {
         }
         let chance = if layer == LightPath::Direct { guiding::FIRST } else { guiding::LATER };
         let sampler = sampler.branch(vertex);
-        if let Some(sent) = guide.sample(self.world, at, chance, sampler, &mut record.cost.rays) {
-            let Guided { direction, pdf, weight } = sent;
+        if let Some(sent) = guide.sample(at, chance, sampler) {
+            let Guided { direction, pdf, .. } = sent;
             let last = at.left_along(direction, (pdf, at.frame.z.dot(direction)), light_samples, radius);
-            let (ray, throughput) = (at.ray(self.world, direction), throughput * weight);
-            let begin = Begin { ray, throughput, eta_scale, layer, last, seen: 0.0, vertex: vertex + 1 };
+            let ray = at.ray(self.world, direction);
+            let begin = Begin { ray, throughput, eta_scale, layer, last, guided: Some(sent), vertex: vertex + 1 };
             self.follow(begin, None, maps, &sampler, record);
         }
         chance
+    }
+
+    /// The factor on the throughput of a path that arrives at a vertex: that of the guided ray that it begins with, or of its
+    /// own ray beside the guided ray that may have left the vertex before.
+    #[inline(always)]
+    fn weight_of_arrival(
+        &self,
+        guide: Option<&PathGuide>,
+        (last, sent): (&mut Last, &mut Option<Guided>),
+        at: &PathVertex,
+        direction: Vec3,
+    ) -> Vec3 {
+        match (sent.take(), self.guide) {
+            (Some(sent), Some(guide)) => guide.weight_of_guided(&sent, at.point.position),
+            _ => Vec3::splat(last.weight_beside_guided(guide, direction, at)),
+        }
     }
 
     /// Finds the next vertex, and adds the emission there, or that of distant lights, to a layer with the path's
@@ -516,15 +542,22 @@ impl Paths<'_> {
 }
 
 impl PathVertex {
+    /// Whether a path may pass straight through, as through a thin sheet, and is not scattered otherwise.
+    #[inline(always)]
+    pub(super) fn may_be_passed(&self) -> bool {
+        let lobes = self.bsdf.lobes();
+        lobes.has(Lobes::STRAIGHT) && !lobes.is_non_specular()
+    }
+
     /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
     #[inline(always)]
-    fn shows_no_emitter(&self) -> bool {
+    pub(super) fn shows_no_emitter(&self) -> bool {
         self.bsdf.lobes().is_non_specular() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// The features of a sample at its first non-specular vertex.
     #[inline(always)]
-    fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
+    pub(super) fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
         features.albedo = throughput * self.bsdf.albedo(self.wo);
         features.normal = self.frame.z;
         features.depth = depth;

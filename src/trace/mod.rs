@@ -13,6 +13,7 @@ pub mod bsdf;
 pub mod bvh;
 mod cap;
 mod frame;
+mod further_rays;
 mod guiding;
 mod integrator;
 mod lights;
@@ -40,4 +41,4 @@ pub use tracer_memory::TracerMemory;
 
 /// Version of the tracer's results, named by every matrix, so that blocks of two versions are never mixed. Raise it
 /// with every change of an entry.
-pub const TRACER_VERSION: u32 = 14;
+pub const TRACER_VERSION: u32 = 15;

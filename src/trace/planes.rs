@@ -8,6 +8,11 @@ use super::accumulator::{PixelSums, RUN, Run};
 use crate::light::Clusters;
 use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission};
 
+/// Relative standard deviation of a pixel's albedo above which further camera rays look at it, and the largest number
+/// of such rays.
+const ALBEDO_NOISE: f32 = 0.01;
+const MAX_FURTHER: u32 = 48;
+
 /// How light reached the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LightPath {
@@ -33,6 +38,18 @@ pub(super) struct SampleFeatures {
     pub(super) material: u32,
 }
 
+impl SampleFeatures {
+    #[inline(always)]
+    fn values(&self) -> [f32; FEATURE_PLANES] {
+        let share = |is: bool| if is { 1.0 } else { 0.0 };
+        let (a, n) = (self.albedo, self.normal);
+        let [emitter, specular, surface] = [self.sees_emitter, self.specular, self.on_surface].map(share);
+        let material = self.material as f32;
+        // The last three follow from the first.
+        [a.x, a.y, a.z, n.x, n.y, n.z, self.depth, emitter, specular, surface, material, 0.0, 0.0, 0.0]
+    }
+}
+
 /// Light of one cluster in one pixel: by half, then direct and indirect; RGB and padding.
 type ClusterLight = [[[f32; 4]; 2]; 2];
 
@@ -44,6 +61,8 @@ pub(super) struct PlaneSums<'a> {
     light: Vec<ClusterLight>,
     emission: PixelSums,
     features: FeatureSums,
+    /// Those and the features of further camera rays; none if there were none.
+    further: FeatureSums,
     /// Planes of the run. Light is ordered by half, direct before indirect, then cluster and channel; then come
     /// features and their variances. A pixel's values lie pages apart in the block, and each visit to a page costs more
     /// than what is written there.
@@ -61,6 +80,43 @@ struct FeatureSums {
     count: u32,
 }
 
+impl FeatureSums {
+    #[inline(always)]
+    fn add(&mut self, values: [f32; FEATURE_PLANES]) {
+        if self.count == 0 {
+            self.first = values;
+        }
+        for (plane, value) in values.into_iter().enumerate() {
+            let difference = value - self.first[plane];
+            self.sum[plane] += difference;
+            self.squares[plane] += difference * difference;
+        }
+        self.count += 1;
+    }
+
+    fn mean(&self, plane: usize) -> f32 {
+        self.first[plane] + self.sum[plane] / self.count as f32
+    }
+
+    /// Variance of the mean.
+    fn variance(&self, plane: usize) -> f32 {
+        let (count, mean) = (self.count as f32, self.sum[plane] / self.count as f32);
+        ((self.squares[plane] / count - mean * mean) / (count - 1.0)).max(0.0)
+    }
+
+    /// Number of further samples that would bring the albedo's noise down to [`ALBEDO_NOISE`].
+    fn further(&self) -> u32 {
+        let channels = Feature::Albedo.planes();
+        let sum = |of: &dyn Fn(usize) -> f32| channels.clone().map(of).sum::<f32>();
+        let (noise, albedo) = (sum(&|plane| self.variance(plane)), sum(&|plane| self.mean(plane)));
+        if self.count < 2 || albedo <= 0.0 || self.sum[Feature::Specular.planes().start] > 0.0 {
+            return 0;
+        }
+        let times = CHANNELS as f32 * noise / (ALBEDO_NOISE * albedo).powi(2) - 1.0;
+        ((times * self.count as f32).clamp(0.0, MAX_FURTHER as f32)) as u32
+    }
+}
+
 impl<'a> PlaneSums<'a> {
     pub(super) fn new(clusters: &'a Clusters, factors: &'a [f32]) -> Self {
         let of_column = clusters.of_column();
@@ -70,6 +126,7 @@ impl<'a> PlaneSums<'a> {
             light: vec![ClusterLight::default(); clusters.count()],
             emission: PixelSums::new(of_column.len()),
             features: FeatureSums::default(),
+            further: FeatureSums::default(),
             lines: vec![[0.0; RUN]; lines(clusters.count())],
             carried: 0,
         }
@@ -113,22 +170,25 @@ impl<'a> PlaneSums<'a> {
     /// Adds the features of one sample.
     #[inline(always)]
     pub(super) fn add_features(&mut self, sample: &SampleFeatures) {
-        let share = |is: bool| if is { 1.0 } else { 0.0 };
-        let (a, n) = (sample.albedo, sample.normal);
-        let [emitter, specular, surface] = [sample.sees_emitter, sample.specular, sample.on_surface].map(share);
-        let material = sample.material as f32;
-        let values: [f32; FEATURE_PLANES] =
-            [a.x, a.y, a.z, n.x, n.y, n.z, sample.depth, emitter, specular, surface, material];
-        let sums = &mut self.features;
-        if sums.count == 0 {
-            sums.first = values;
+        self.features.add(sample.values());
+    }
+
+    /// Number of further camera rays that the current pixel wants, once its samples are in.
+    pub(super) fn wants_further(&self) -> u32 {
+        self.features.further()
+    }
+
+    /// Adds the features of one more camera ray.
+    pub(super) fn add_further(&mut self, sample: &SampleFeatures) {
+        if self.further.count == 0 {
+            self.further = self.features;
         }
-        for (plane, value) in values.into_iter().enumerate() {
-            let difference = value - sums.first[plane];
-            sums.sum[plane] += difference;
-            sums.squares[plane] += difference * difference;
-        }
-        sums.count += 1;
+        self.further.add(sample.values());
+    }
+
+    /// Forgets the further camera rays of the current pixel.
+    pub(super) fn drop_further(&mut self) {
+        self.further = FeatureSums::default();
     }
 
     /// Moves the means of pixel `pixel` of `run` out of the sums. `samples` are the numbers in each half, neither of
@@ -144,14 +204,17 @@ impl<'a> PlaneSums<'a> {
                 lines.iter_mut().zip(sum).for_each(|(line, sum)| line[pixel] = sum * scale);
             }
         }
-        let features = std::mem::take(&mut self.features);
         let count = (samples[0] + samples[1]) as f32;
-        for plane in 0..FEATURE_PLANES {
-            let mean = features.sum[plane] / count;
-            let variance = (features.squares[plane] / count - mean * mean) / (count - 1.0);
-            let of_first = plane == Feature::Material.planes().start;
-            feature_lines[plane][pixel] = features.first[plane] + if of_first { 0.0 } else { mean };
-            feature_lines[FEATURE_PLANES + plane][pixel] = variance.max(0.0);
+        let (own, further) = (std::mem::take(&mut self.features), std::mem::take(&mut self.further));
+        let all = if further.count > 0 { further } else { own };
+        for feature in Feature::ALL {
+            for (channel, plane) in feature.planes().enumerate() {
+                let sums = if feature.is_of_light() { &own } else { &all };
+                let of = if feature == Feature::PixelAlbedo { channel } else { plane };
+                let value = if feature == Feature::Material { sums.first[of] } else { sums.mean(of) };
+                (feature_lines[plane][pixel], feature_lines[FEATURE_PLANES + plane][pixel]) =
+                    (value, sums.variance(of));
+            }
         }
         if feature_lines[Feature::Emitter.planes().start][pixel] > 0.0 {
             self.emission.drain(|column, sum| {

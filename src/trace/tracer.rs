@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::TraceSettings;
 use super::accumulator::{NoiseSums, PixelMeans, PixelSums, RUN, Run, interleave};
 use super::bvh::Bvh;
+use super::further_rays::look;
 use super::guiding::PathGuide;
 use super::integrator::{Paths, trace_sample};
 use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
@@ -302,6 +303,14 @@ impl pulp::NullaryFnOnce for Pixel<'_, '_> {
             let cost = trace_sample(&paths, self.at, sample, &sampler, self.sums, self.planes.as_deref_mut());
             self.stats.rays += cost.rays;
             self.stats.non_finite += cost.non_finite;
+        }
+        let Some(planes) = self.planes else { return };
+        for further in 0..planes.wants_further() {
+            let sampler = Sampler::new(seed, key, samples_per_pixel + further);
+            match look(world, self.at, &sampler, &mut self.stats.rays) {
+                Some(features) => planes.add_further(&features),
+                None => return planes.drop_further(),
+            }
         }
     }
 }

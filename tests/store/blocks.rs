@@ -64,7 +64,7 @@ pub(crate) fn block(job: &Job, id: BlockId) -> TracedBlock {
 fn planes(pixels: usize, columns: usize, clusters: usize, next: &mut impl FnMut() -> f32) -> BlockPlanes {
     let mut planes = BlockPlanes::default();
     planes.reset(pixels, clusters);
-    // The plane that version 2 does not know is drawn last, so that all else is what its golden file holds.
+    // The planes that earlier versions do not know are drawn last, so that all else is what its golden file holds.
     let known = Feature::Material.planes().start * pixels;
     planes.features[..known].iter_mut().for_each(|value| *value = next() - 0.5);
     let light = planes.direct.iter_mut().chain(&mut planes.indirect).flatten();
@@ -75,8 +75,11 @@ fn planes(pixels: usize, columns: usize, clusters: usize, next: &mut impl FnMut(
     };
     planes.emission = vec![seen(0, 0), seen(pixels / 2, 0), seen(pixels / 2, columns - 1), seen(pixels - 1, 0)];
     planes.emission.dedup_by_key(|seen| (seen.pixel, seen.column));
-    let (material, variance) = (&mut planes.features[known..], &mut planes.feature_variance[known..]);
-    material.iter_mut().chain(variance).for_each(|value| *value = next());
+    for later in [Feature::Material, Feature::PixelAlbedo].map(Feature::planes) {
+        let later = later.start * pixels..later.end * pixels;
+        let (means, variances) = (&mut planes.features[later.clone()], &mut planes.feature_variance[later]);
+        means.iter_mut().chain(variances).for_each(|value| *value = next());
+    }
     planes.round();
     planes
 }

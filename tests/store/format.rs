@@ -94,12 +94,20 @@ impl Golden {
                 of("v1-bf16", Precision::Bf16, false),
             ],
             3 => vec![of("v3-f16", Precision::F16, true)],
-            VERSION => vec![
+            4 => vec![
                 of("v4-f32", Precision::F32, false),
                 of("v4-f16", Precision::F16, false),
                 of("v4-bf16", Precision::Bf16, false),
                 of("v4-f16-planes", Precision::F16, true),
                 Self { has_scales: true, ..of("v4-f16-column-scales", Precision::F16, true) },
+                of("v4-f16-later-section", Precision::F16, true),
+            ],
+            VERSION => vec![
+                of("v5-f32", Precision::F32, false),
+                of("v5-f16", Precision::F16, false),
+                of("v5-bf16", Precision::Bf16, false),
+                of("v5-f16-planes", Precision::F16, true),
+                Self { has_scales: true, ..of("v5-f16-column-scales", Precision::F16, true) },
                 of(LATER_SECTION, Precision::F16, true),
             ],
             other => panic!("version {other}"),
@@ -128,7 +136,7 @@ impl Golden {
 }
 
 /// The golden file that has a section of a program later than this: a reader passes over it.
-const LATER_SECTION: &str = "v4-f16-later-section";
+const LATER_SECTION: &str = "v5-f16-later-section";
 
 /// The golden file that the bad ones are made from.
 fn sound_file(name: &str) -> Vec<u8> {
@@ -153,13 +161,16 @@ fn with_job(file: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
 #[test]
 fn golden_files_are_read_and_those_of_this_version_are_what_would_be_written_now() {
     let folder = tempfile::tempdir().unwrap();
-    for golden in [1, 3, VERSION].into_iter().flat_map(Golden::of_version) {
+    for golden in [1, 3, 4, VERSION].into_iter().flat_map(Golden::of_version) {
         let (path, name, precision) = (golden.path(), golden.name, golden.options.precision);
         assert!(verify(&path, |_, _| true).unwrap().is_complete(), "{name}");
         let reader = StoreReader::open(&path).unwrap();
         assert_eq!((reader.precision(), reader.job()), (precision, &golden.job()), "{name}");
         for id in reader.shape().blocks() {
-            let (stored, original) = (read(&reader, id).unwrap(), block(&golden.job(), id));
+            let (stored, mut original) = (read(&reader, id).unwrap(), block(&golden.job(), id));
+            if let Some(planes) = original.planes.as_mut().filter(|_| !name.starts_with("v5")) {
+                planes.pixel_albedo_of_samples();
+            }
             assert_eq!(stored.planes, original.planes.filter(|_| golden.options.planes), "{name}");
             for (stored, original) in stored.block.entries().iter().zip(original.block.entries()) {
                 assert!(
@@ -177,12 +188,12 @@ fn golden_files_are_read_and_those_of_this_version_are_what_would_be_written_now
     }
 }
 
-/// A partial file of an earlier version is continued as such; its blocks and a new file's can be joined.
+/// Blocks of an earlier version and of this one are joined where both have the same planes: here, none.
 #[test]
 fn blocks_of_files_of_earlier_versions_and_of_this_one_are_joined() {
     let folder = tempfile::tempdir().unwrap();
     let (half, whole) = (folder.path().join("half.ltm"), folder.path().join("whole.ltm"));
-    let golden = Golden::of_version(3).remove(0);
+    let golden = Golden::of_version(4).remove(1);
     let writer = StoreWriter::create(&half, &golden.job(), golden.options).unwrap();
     for id in golden.job().shape.blocks().take(3) {
         writer.write_block(id, &block(&golden.job(), id)).unwrap();
@@ -192,9 +203,13 @@ fn blocks_of_files_of_earlier_versions_and_of_this_one_are_joined() {
         let report = merge(&inputs, &whole, |_, _| true).unwrap();
         assert_eq!((report.copied, report.missing.len()), (6, 0));
         // What is written anew is of this version, but for a continued output.
-        assert!(fs::read(&whole).unwrap() == sound_file("v4-f16-planes"));
+        assert!(fs::read(&whole).unwrap() == sound_file("v5-f16"));
         fs::remove_file(&whole).unwrap();
     }
+    // Planes of an earlier version have no place in a file of this one.
+    let golden = Golden::of_version(3).remove(0);
+    let refused = merge(&[golden.path()], &whole, |_, _| true).unwrap_err();
+    assert!(refused.to_string().contains("earlier version of the format"), "{refused}");
     // Noise and planes of divided columns are no others' noise and planes.
     let scaled = folder.path().join("scaled.ltm");
     let mut job = golden.job();
@@ -207,7 +222,7 @@ fn blocks_of_files_of_earlier_versions_and_of_this_one_are_joined() {
 
 #[test]
 fn the_sections_of_the_document_are_those_of_a_file() {
-    let file = sound_file("v4-f16-column-scales");
+    let file = sound_file("v5-f16-column-scales");
     let length = u64::from_le_bytes(file[48..56].try_into().unwrap()) as usize;
     let (mut rest, mut tags) = (&file[4096..4096 + length], Vec::new());
     while !rest.is_empty() {
@@ -227,7 +242,9 @@ fn a_file_of_version_2_is_read_and_its_materials_are_not_known() {
     for id in reader.shape().blocks() {
         let (stored, mut original) = (read(&reader, id).unwrap(), block(&job(3), id));
         if let Some(planes) = &mut original.planes {
-            let material = Feature::Material.planes().start * planes.pixels()..;
+            planes.pixel_albedo_of_samples();
+            let material = Feature::Material.planes();
+            let material = material.start * planes.pixels()..material.end * planes.pixels();
             planes.features[material.clone()].fill(0.0);
             planes.feature_variance[material].fill(0.0);
         }
@@ -286,7 +303,7 @@ const SLOTS: usize = 12_288;
 /// Three columns and two probes of 192 rows in 2 bytes.
 const COLUMNS_OF_BLOCK_0: usize = 5 * 192 * 2;
 /// Features and variances of 64 pixels, light of three clusters: the planes without their emitters.
-const PLANES_OF_BLOCK_0: usize = 64 * 66 + 192 * 3 * 8;
+const PLANES_OF_BLOCK_0: usize = 64 * 84 + 192 * 3 * 8;
 /// Emitters in view in block 0, see `blocks.rs`.
 const SEEN_IN_BLOCK_0: usize = 4;
 
@@ -390,7 +407,7 @@ const BAD: &[(&str, Change, Fate)] = &[
 fn made_from(name: &str) -> &'static str {
     match name {
         _ if name.starts_with("ltm-planes") => "v3-f16",
-        _ if name.starts_with("ltm-section") => "v4-f16",
+        _ if name.starts_with("ltm-section") => "v5-f16",
         _ => "v1-f16",
     }
 }
@@ -420,7 +437,7 @@ fn set_planes_clusters(bytes: &mut [u8], clusters: u32) {
     let slot = |pixels: u64| {
         let (rows, clusters) = (3 * pixels, u64::from(clusters));
         let tile = (rows * 5 * 2).next_multiple_of(8) + 4 + 5 * 8 + (rows + 3) * 4;
-        (tile + (pixels * 66 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
+        (tile + (pixels * 84 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
     };
     let length = SLOTS as u64 + [64, 64, 32, 24, 24, 12].map(slot).iter().sum::<u64>();
     set_header(bytes, "file_bytes", &length.to_le_bytes());
@@ -436,7 +453,7 @@ fn make_golden_and_bad_files() {
             (true, _) => {}
             (false, LATER_SECTION) => {
                 let later = |job: &mut Vec<u8>| job.extend(b"newx\x04\0\0\0what");
-                fs::write(path, with_job(&sound_file("v4-f16-planes"), later)).unwrap();
+                fs::write(path, with_job(&sound_file("v5-f16-planes"), later)).unwrap();
             }
             (false, _) => golden.write(&path),
         }

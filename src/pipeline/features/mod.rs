@@ -27,6 +27,9 @@ pub const FEATURE_CHANNELS: [&str; FEATURE_PLANES] = [
     "Specular Share.V",
     "Surface Share.V",
     "IndexMA.X",
+    "Pixel Albedo.R",
+    "Pixel Albedo.G",
+    "Pixel Albedo.B",
 ];
 
 /// The channels of the features' variances, in the same order: `Denoising Albedo Variance.R` beside `Denoising Albedo.R`, as

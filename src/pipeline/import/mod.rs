@@ -366,6 +366,7 @@ impl ImportedMatrix {
                 feature_variance,
                 emission: Vec::new(),
             };
+            planes.pixel_albedo_of_samples();
             // Rounded as in the file of an interrupted pack.
             planes.round();
             target.planes = Some(planes);
