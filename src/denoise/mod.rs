@@ -43,7 +43,7 @@ mod surfaces;
 mod upsample_columns;
 
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
-pub const DENOISER_VERSION: u32 = 19;
+pub const DENOISER_VERSION: u32 = 20;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;

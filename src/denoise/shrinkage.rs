@@ -186,8 +186,7 @@ fn share(gained: f32, changed: f32) -> f32 {
     if changed > 0.0 { trusted(gained / changed) } else { 1.0 }
 }
 
-/// The mixing weight for an estimate `best` of the optimum. From 0.5 on the filtered value alone is no worse than the
-/// input. Since noise is more visible than lost detail, it is then taken whole. Below, the weight falls off.
+/// The mixing weight for an estimate `best` of the optimum, which is itself uncertain: small estimates count as none.
 fn trusted(best: f32) -> f32 {
     ((best - MIN_KEPT_SHARE) / (WHOLE_SHARE - MIN_KEPT_SHARE)).clamp(0.0, 1.0)
 }

@@ -542,19 +542,6 @@ impl Paths<'_> {
 }
 
 impl PathVertex {
-    /// Whether a path may pass straight through, as through a thin sheet, and is not scattered otherwise.
-    #[inline(always)]
-    pub(super) fn may_be_passed(&self) -> bool {
-        let lobes = self.bsdf.lobes();
-        lobes.has(Lobes::STRAIGHT) && !lobes.is_non_specular()
-    }
-
-    /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
-    #[inline(always)]
-    pub(super) fn shows_no_emitter(&self) -> bool {
-        self.bsdf.lobes().is_non_specular() || matches!(self.bsdf, Bsdf::Black)
-    }
-
     /// The features of a sample at its first non-specular vertex.
     #[inline(always)]
     pub(super) fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {

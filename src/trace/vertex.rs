@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::bsdf::{Bsdf, Scattered};
+use super::bsdf::{Bsdf, Lobes, Scattered};
 use super::frame::ShadingFrame;
 use super::lights::Receiver;
 use super::world::{SurfacePoint, World};
@@ -58,6 +58,19 @@ impl PathVertex {
             kept = (-ray.absorption.max(behind) * point.position.distance(ray.origin)).exp();
         }
         Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity, kept }
+    }
+
+    /// Whether a path may pass straight through, as through a thin sheet, and is not scattered otherwise.
+    #[inline(always)]
+    pub(super) fn may_be_passed(&self) -> bool {
+        let lobes = self.bsdf.lobes();
+        lobes.has(Lobes::STRAIGHT) && !lobes.is_non_specular()
+    }
+
+    /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
+    #[inline(always)]
+    pub(super) fn shows_no_emitter(&self) -> bool {
+        self.bsdf.lobes().is_non_specular() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// The ray that leaves along a direction.
