@@ -94,8 +94,8 @@ impl Parts {
         self.vector(factor);
     }
 
-    fn level(&mut self, level: &FloatTexture) {
-        let (texture, channel, number) = match *level {
+    fn number_or_texture(&mut self, value: &FloatTexture) {
+        let (texture, channel, number) = match *value {
             FloatTexture::Constant(number) => (None, 0, number),
             FloatTexture::Textured(texture, channel, factor) => (Some(texture), channel, factor),
         };
@@ -119,7 +119,7 @@ impl Parts {
             sheen,
         } = surface;
         [base, translucent].into_iter().for_each(|paint| self.paint(paint));
-        [metallic, roughness, transmission, translucency].into_iter().for_each(|level| self.level(level));
+        [metallic, roughness, transmission, translucency].into_iter().for_each(|value| self.number_or_texture(value));
         [*specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
         [*ior, coat.0, coat.1, sheen.1].into_iter().for_each(|number| self.number(number));
         self.whole((*is_thin).into());

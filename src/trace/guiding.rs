@@ -210,13 +210,18 @@ impl Place {
             }
         }
         let place = |lit: &Vec<LitPoint>| {
+            let arrived = lit.len() as f32 / rays.len() as f32;
             let centre = lit.iter().map(|lit| lit.position).sum::<Vec3>() / lit.len() as f32;
             let radius = lit.iter().map(|lit| lit.position.distance(centre)).fold(0.0, f32::max);
+            // A path that finds the shell has the weight `share (usual / radius)²`, with a chance of `(radius / usual)² / 4`.
+            let variance = |visible: f32| 0.25 * visible * (arrived * usual / radius).powi(2);
+            // Most shells are left out before it is asked who sees them.
+            if radius == 0.0 || variance(1.0) < MIN_VARIANCE {
+                return None;
+            }
             let visible = visible_part(world, lit, seen);
             let share = visible * lit.len() as f32 / rays.len() as f32;
-            // A path that finds the shell has the weight `share (usual / radius)²`, with a chance of `(radius / usual)² / 4`.
-            let variance = 0.25 * visible * (lit.len() as f32 / rays.len() as f32 * usual / radius).powi(2);
-            (radius > 0.0 && variance >= MIN_VARIANCE).then_some(Self { centre, radius, share })
+            (variance(visible) >= MIN_VARIANCE).then_some(Self { centre, radius, share })
         };
         shells.iter().filter_map(place).collect()
     }
@@ -242,11 +247,7 @@ fn visible_part(world: &World, lit: &[LitPoint], seen: &[SurfacePoint]) -> f32 {
         let end = End::At(from.start(-way));
         world.transmittance(lit.point.start(way), end, &mut 0) != Vec3::ZERO
     };
-    if lit.is_empty() {
-        0.0
-    } else {
-        seen.iter().enumerate().filter(|&pair| sees(pair)).count() as f32 / seen.len() as f32
-    }
+    seen.iter().enumerate().filter(|&pair| sees(pair)).count() as f32 / seen.len() as f32
 }
 
 /// Whether a light may have surfaces close by.

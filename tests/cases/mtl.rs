@@ -222,6 +222,10 @@ fn maps_of_numbers() {
         grey.relief
     );
     textured("newmtl grey\nKd 0.5 0.5 0.5\nillum 1\nbump wood.png\n").shows(1.0, &[]);
+    let alone = textured("newmtl grey\nKd 0.5 0.5 0.5\nmap_Pm wood.png\n").loads(&[]);
+    let Surface::Principled(found) = material(&alone, "grey").surface else { panic!("a map of metal alone") };
+    let metal = found.metallic.at(&alone.scene.textures, Vec2::splat(0.5));
+    assert!((metal - 188.0 / 255.0).abs() < 1e-6, "{metal}");
 }
 
 fn missing_maps_of_numbers() {

@@ -245,7 +245,7 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
             look.kind = SurfaceEntry::ThinDielectric;
             look.be_sheet(specular);
         }
-        _ if source.roughness.is_some() || source.metallic.is_some() || source.roughness_map.is_some() => {
+        _ if source.is_pbr() => {
             look.alpha = source.roughness.unwrap_or(0.5).clamp(0.0, 1.0).powi(2);
             let metal = source.metallic.unwrap_or(0.0) >= 1.0;
             look.kind = if metal { SurfaceEntry::RoughConductor } else { SurfaceEntry::Coated };

@@ -167,6 +167,12 @@ impl MtlMaterial {
         maps.into_iter().flatten()
     }
 
+    /// Whether a statement of physically based materials says what it is: of its roughness or of its metal.
+    fn is_pbr(&self) -> bool {
+        let stated = self.roughness.is_some() || self.metallic.is_some();
+        stated || self.roughness_map.is_some() || self.metallic_map.is_some()
+    }
+
     /// Reads what follows a key. False where that is no value of it.
     fn state(&mut self, key: &str, rest: &str) -> bool {
         let values = without_comment(rest);

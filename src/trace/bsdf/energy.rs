@@ -14,6 +14,7 @@ use std::sync::LazyLock;
 use glam::Vec3;
 
 use super::microfacet::Ggx;
+use super::nodes::node_below;
 
 /// Nodes over the cosine, from 0 to 1.
 const COSINES: usize = 32;
@@ -57,9 +58,7 @@ impl AlbedoRow {
     /// `(a, b)`, so that the single-scattering albedo is `F₀ a + b`.
     #[inline(always)]
     pub(super) fn at(&self, cosine: f32) -> (f32, f32) {
-        let x = cosine.clamp(0.0, 1.0) * (COSINES - 1) as f32;
-        let node = (x as usize).min(COSINES - 2);
-        let share = x - node as f32;
+        let (node, share) = node_below(cosine, COSINES);
         let ([a0, b0], [a1, b1]) = (self.at[node], self.at[node + 1]);
         (a0 + (a1 - a0) * share, b0 + (b1 - b0) * share)
     }

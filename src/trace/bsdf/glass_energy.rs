@@ -12,6 +12,7 @@ use glam::Vec3;
 
 use super::fresnel::dielectric_reflectance;
 use super::microfacet::Ggx;
+use super::nodes::node_below;
 
 /// Nodes over the cosine.
 const COSINES: usize = 33;
@@ -51,10 +52,9 @@ impl GlassRow {
     /// Share of the light that one facet does not send away, for a viewer on a side.
     #[inline(always)]
     pub(super) fn lost(&self, inside: bool, cosine: f32) -> f32 {
-        let x = cosine.clamp(0.0, 1.0) * (COSINES - 1) as f32;
-        let node = (x as usize).min(COSINES - 2);
+        let (node, share) = node_below(cosine, COSINES);
         let at = &self.lost[usize::from(inside)];
-        at[node] + (at[node + 1] - at[node]) * (x - node as f32)
+        at[node] + (at[node + 1] - at[node]) * share
     }
 
     /// Its cosine-weighted mean.

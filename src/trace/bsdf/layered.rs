@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 
 use super::coated::Coated;
 use super::gloss::Gloss;
+use super::nodes::node_below;
 use super::{Lobes, Scattered, cosine_hemisphere};
 
 /// A base under a sheen of fibres under a clear coat, as glTF layers them (the Khronos group, `KHR_materials_sheen` and
@@ -91,12 +92,8 @@ impl Layered {
         if self.sheen == Vec3::ZERO {
             return 0.0;
         }
-        let at = |v: f32, n: usize| {
-            let x = v.clamp(0.0, 1.0) * (n - 1) as f32;
-            let node = (x as usize).min(n - 2);
-            (node, x - node as f32)
-        };
-        let ((row, r), (node, c)) = (at(self.sheen_alpha.sqrt(), SHEEN_ROWS), at(cosine, SHEEN_COSINES));
+        let (row, r) = node_below(self.sheen_alpha.sqrt(), SHEEN_ROWS);
+        let (node, c) = node_below(cosine, SHEEN_COSINES);
         let along = |row: usize| SHEEN[row][node] + (SHEEN[row][node + 1] - SHEEN[row][node]) * c;
         along(row) + (along(row + 1) - along(row)) * r
     }

@@ -17,6 +17,7 @@ mod layered;
 mod lobes;
 mod microfacet;
 mod mirror;
+mod nodes;
 mod resolve;
 mod rough_dielectric;
 mod rough_sheet;

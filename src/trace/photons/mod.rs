@@ -354,8 +354,7 @@ impl Photons {
             return Ok((None, PhotonCost::default()));
         };
         let numbers = Numbers::of(&world.scene, pixels, settings);
-        let (mut maps, mut places, mut rays, mut held) = (Vec::new(), Vec::new(), 0, 0);
-        let mut first_places = Vec::new();
+        let (mut maps, mut first_places, mut rays, mut held) = (Vec::new(), Vec::new(), 0, 0);
         let (mut pages, mut maps_in_file) = (None, Vec::new());
         loop {
             let made = (maps.len() + maps_in_file.len()) as u32;
@@ -368,7 +367,6 @@ impl Photons {
             let (photons, of_each): (Vec<_>, Vec<u64>) = some.into_par_iter().map(send).unzip();
             rays += of_each.iter().sum::<u64>();
             if made < FEW_MAPS {
-                places.extend(photons.iter().flatten().map(|photon| photon.position));
                 first_places.extend(photons.iter().flatten().map(|photon| (photon.position, photon.density)));
             }
             let sorted: Vec<Map> = photons.into_par_iter().map(Map::sort).collect();
@@ -380,7 +378,7 @@ impl Photons {
                     Some(pages) => maps_in_file.push(map.put(pages)?),
                 }
             }
-            if places.is_empty() {
+            if first_places.is_empty() {
                 break;
             }
             if !(sending.goes_on)(Numbers { maps: count, ..numbers }.all()) {
@@ -395,15 +393,15 @@ impl Photons {
         let per_sample = f64::from(sent.maps) * f64::from(sent.per_light) / f64::from(settings.samples_per_pixel);
         // The first maps show where photons are dense.
         let all = maps.iter().map(|map| map.count).sum();
+        let mut places: Vec<Vec3> = first_places.iter().map(|&(place, _)| place).collect();
         let radius = RadiusField::of(&mut places, all, targets.scene_radius());
         let per_sample = per_sample as f32;
         let photons = radius.map(|radius| {
-            let counts = |&(place, density): &(Vec3, f32)| {
+            let counts = |&&(place, density): &&(Vec3, f32)| {
                 let expected = per_sample * std::f32::consts::PI * radius.at(place).powi(2);
                 density <= 0.0 || power_heuristic(expected * density, FRAC_1_PI) >= MIN_WEIGHT
             };
-            first_places.retain(counts);
-            let places: Vec<Vec3> = first_places.into_iter().map(|(place, _)| place).collect();
+            let places: Vec<Vec3> = first_places.iter().filter(counts).map(|&(place, _)| place).collect();
             let reach = Reach::around(&places, &radius);
             Self { maps, radius, reach, targets, per_sample }
         });

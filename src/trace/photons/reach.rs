@@ -37,19 +37,20 @@ impl Reach {
         let (low, high) = bounds(places.iter().copied());
         let longest = (high - low).max_element().max(f32::MIN_POSITIVE);
         // One more on each side, for what lies within the radius of the outermost.
-        let margin = radius.largest() + longest / CELLS;
+        let largest = radius.largest();
+        let margin = largest + longest / CELLS;
         let (low, high) = (low - margin, high + margin);
         let per_unit = CELLS / (high - low).max_element();
         let sides = ((high - low) * per_unit).as_uvec3() + 1;
-        let mut bits = vec![0u64; (sides.x as usize * sides.y as usize * sides.z as usize).div_ceil(64)];
-        let own = Self { low, per_unit, sides, bits: bits.clone() };
+        let words = (sides.x as usize * sides.y as usize * sides.z as usize).div_ceil(64);
+        let mut own = Self { low, per_unit, sides, bits: vec![0; words] };
         let mut occupied: Vec<UVec3> = places.iter().filter_map(|&place| own.cell(place)).collect();
         occupied.sort_unstable_by_key(|cell| own.index(*cell));
         occupied.dedup();
         // The radius at the middle of each cell, looked up once.
-        let mut radii = vec![f32::NAN; 64 * bits.len()];
+        let mut radii = vec![f32::NAN; 64 * words];
+        let reach = (largest * per_unit).ceil() as u32 + 1;
         for &cell in &occupied {
-            let reach = (radius.largest() * per_unit).ceil() as u32 + 1;
             let (first, last) = (cell.saturating_sub(UVec3::splat(reach)), (cell + reach).min(sides - 1));
             for z in first.z..=last.z {
                 for y in first.y..=last.y {
@@ -61,13 +62,13 @@ impl Reach {
                         }
                         let apart = (other.as_ivec3() - cell.as_ivec3()).abs().as_vec3() - 1.0;
                         if apart.max(Vec3::ZERO).length() <= radii[index] {
-                            bits[index / 64] |= 1 << (index % 64);
+                            own.bits[index / 64] |= 1 << (index % 64);
                         }
                     }
                 }
             }
         }
-        Self { bits, ..own }
+        own
     }
 
     /// Whether photons are gathered there.

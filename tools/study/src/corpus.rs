@@ -96,10 +96,10 @@ pub(super) struct Entry {
 }
 
 /// A light, or a part of one, that is on.
-struct Shown {
-    name: String,
-    lighting: Lighting,
-    reference: LinearImage,
+pub(super) struct Shown {
+    pub(super) name: String,
+    pub(super) lighting: Lighting,
+    pub(super) reference: LinearImage,
 }
 
 /// One way from samples to images.
@@ -290,8 +290,8 @@ fn measure(
     Ok(pictures)
 }
 
-/// The lightings of a scene that reach its picture.
-fn lightings(reference: &StoreReader) -> Result<Vec<Shown>> {
+/// The lightings of a scene that reach its picture, and what a matrix of it shows under each.
+pub(super) fn lightings(reference: &StoreReader) -> Result<Vec<Shown>> {
     let job = reference.job();
     let mut named = vec![("all".to_owned(), Lighting::of_scene(&job.basis))];
     for light in job.basis.lights() {

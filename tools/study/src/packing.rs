@@ -4,17 +4,16 @@ use rayon::prelude::*;
 
 use super::StudyReport;
 use super::bench::Bench;
-use super::corpus::{Entry, entries, matrix};
+use super::corpus::{Entry, Shown, entries, lightings, matrix};
+use super::interval::mean;
 use super::rivals::{Packed, packed};
 use super::table::{Cell, Table};
 use super::visual_metrics::Seen;
 use ltm::compress::{CompressSettings, Target};
 use ltm::error::Result;
-use ltm::image::LinearImage;
-use ltm::light::{LightBasis, Lighting};
+use ltm::light::Lighting;
 use ltm::matrix::BlockSource;
 use ltm::pipeline::PackOptions;
-use ltm::relight::relight_raw;
 use ltm::store::StoreReader;
 
 /// One way to pack.
@@ -37,13 +36,8 @@ const DEFAULT: Packing = Packing { name: "default", target: Target::Automatic, r
 /// Hardly compressed: where no entry that matters is left out.
 const WHOLE: Packing = Packing { name: "whole", target: Target::PsnrDb(120.0), rank: Some(512) };
 
-/// Lights looked at alone, at most; of more, so many spread evenly.
-const MOST_LIGHTS: usize = 8;
-
-const NOTE: &str = "Scenes: those of the folder that `LTM_CORPUS` names. Each default container, and some by a PSNR, \
-against the same denoised matrix hardly compressed (120 dB, rank 512). Lightings: all on; up to eight lights, each alone and exposed for \
-itself; of a light of texels also one texel alone and a spot of a tenth of its width. A light whose image has a thousandth of the \
-mean of that with all on, or less, is left out. ꟻLIP and seams as `ltm study picture` has them.";
+const NOTE: &str = "Scenes and lightings as in `corpus.csv`, without those that the matrix itself hardly shows. Each default container, and some by \
+a PSNR, against the same denoised matrix hardly compressed (120 dB, rank 512). ꟻLIP and seams as `ltm study picture` has them.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let packings = if bench.quick { QUICK } else { FULL };
@@ -88,8 +82,8 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
 /// The rows of one scene.
 fn measure(bench: &Bench<'_>, packings: &[Packing], entry: &Entry, samples: u32, table: &mut Table) -> Result<()> {
     let (matrix, _) = matrix(bench, entry, (samples, 0))?;
-    let (names, lightings) = lit(&matrix)?;
-    let raw = relight_raw(&matrix, &lightings)?;
+    let shown = lightings(&matrix)?;
+    let lightings: Vec<Lighting> = shown.iter().map(|shown| shown.lighting.clone()).collect();
     let pack = |packing: &Packing| {
         let compress = CompressSettings { target: packing.target, ..CompressSettings::default() };
         let compress = CompressSettings { rank: packing.rank.unwrap_or(compress.rank), ..compress };
@@ -102,9 +96,10 @@ fn measure(bench: &Bench<'_>, packings: &[Packing], entry: &Entry, samples: u32,
     for packing in [&WHOLE].into_iter().chain(packings) {
         let packed = if packing.name == WHOLE.name { None } else { Some(pack(packing)?) };
         let packed = packed.as_ref().unwrap_or(&whole);
-        let all = packed.images.par_iter().zip(&whole.images).zip(&raw);
-        let seen: Vec<Seen> = all.map(|((image, whole), raw)| Seen::of(image, whole, raw, side)).collect();
-        table.push(row((entry, samples), &matrix, (packing, packed), &names, &seen));
+        let all = packed.images.par_iter().zip(&whole.images).zip(&shown);
+        let seen: Vec<Seen> =
+            all.map(|((image, whole), shown)| Seen::of(image, whole, &shown.reference, side)).collect();
+        table.push(row((entry, samples), &matrix, (packing, packed), &shown, &seen));
         bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
     }
     Ok(())
@@ -114,10 +109,10 @@ fn row(
     (entry, samples): (&Entry, u32),
     matrix: &StoreReader,
     (packing, packed): (&Packing, &Packed),
-    names: &[String],
+    shown: &[Shown],
     seen: &[Seen],
 ) -> Vec<Cell> {
-    let mean = |part: fn(&Seen) -> f64| seen.iter().map(part).sum::<f64>() / seen.len() as f64;
+    let of_all = |part: fn(&Seen) -> f64| mean(seen.iter().map(part));
     let worst = |part: fn(&Seen) -> f64| {
         let by = |a: &usize, b: &usize| part(&seen[*a]).total_cmp(&part(&seen[*b]));
         (0..seen.len()).max_by(by).unwrap_or(0)
@@ -133,52 +128,11 @@ fn row(
         packed.rank.into(),
         packed.bytes.into(),
         (shape.raw_bytes() as f64 / packed.bytes as f64).into(),
-        mean(|s| s.flip).into(),
+        of_all(|s| s.flip).into(),
         seen[of_flip].flip.into(),
-        names[of_flip].as_str().into(),
-        mean(|s| s.seams).into(),
+        shown[of_flip].name.as_str().into(),
+        of_all(|s| s.seams).into(),
         seen[of_seams].seams.into(),
         packed.seconds.into(),
     ]
-}
-
-/// Lightings that are looked at, and their names: those that light something.
-fn lit(matrix: &StoreReader) -> Result<(Vec<String>, Vec<Lighting>)> {
-    let wanted = lightings(&matrix.job().basis)?;
-    let (names, lightings): (Vec<_>, Vec<_>) = wanted.into_iter().unzip();
-    let images = relight_raw(matrix, &lightings)?;
-    let mean = |image: &LinearImage| image.luminances().map(f64::from).sum::<f64>() / image.pixels.len() as f64;
-    let least = 1e-3 * mean(&images[0]);
-    let all = names.into_iter().zip(lightings).zip(images);
-    Ok(all.filter(|(_, image)| mean(image) > least).map(|(lighting, _)| lighting).unzip())
-}
-
-fn lightings(basis: &LightBasis) -> Result<Vec<(String, Lighting)>> {
-    let columns = basis.column_count();
-    let of = |weight: &dyn Fn(usize) -> f32| Lighting::new((0..columns).map(|j| [weight(j); 3]).collect());
-    let mut all = vec![("all on".to_owned(), of(&|_| 1.0)?)];
-    let lights = basis.lights();
-    for light in lights.iter().step_by(lights.len().div_ceil(MOST_LIGHTS)) {
-        let its = light.columns();
-        let its = its.start as usize..its.end as usize;
-        all.push((light.name.clone(), of(&|j| f32::from(its.contains(&j)))?));
-        if its.len() < 2 {
-            continue;
-        }
-        let (across, down) = light.layout();
-        // Off the middle, so that it is not symmetric; of a sky it is above the horizon.
-        let (u, v) = (0.3 * f64::from(across), 0.3 * f64::from(down));
-        let texel = its.start + v as usize * across as usize + u as usize;
-        let spot = |j: usize| {
-            if !its.contains(&j) {
-                return 0.0;
-            }
-            let at = ((j - its.start) as u32 % across, (j - its.start) as u32 / across);
-            let off = [(f64::from(at.0) + 0.5 - u) / f64::from(across), (f64::from(at.1) + 0.5 - v) / f64::from(down)];
-            (-0.5 * (off[0].powi(2) + off[1].powi(2)) / 0.01).exp() as f32
-        };
-        all.push((format!("{}: spot", light.name), of(&spot)?));
-        all.push((format!("{}: texel", light.name), of(&|j| f32::from(j == texel))?));
-    }
-    Ok(all)
 }
