@@ -1,17 +1,20 @@
 //! What decides the entries of `T`, as bytes that never change with names in the code: a scene's identity.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use sha2::{Digest, Sha256};
 
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
 use super::{
-    Camera, Emitter, FloatTexture, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene,
-    SpotCone, Surface, Texels, TextureId,
+    Camera, Emitter, FloatTexture, Lens, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Projection,
+    Relief, Scene, SpotCone, Surface, Texels, TextureId,
 };
 use crate::light::EnvironmentMapping;
 
 /// Version of these bytes: to be raised with every change of them.
 const VERSION: &[u8] = b"ltm scene 3";
+
+/// Added to the kind of a part that has more than older versions knew, which then follows.
+const BEYOND_PLAIN: u64 = 16;
 
 /// SHA-256 over everything that decides the entries of `T` apart from the samples: geometry, materials, textures,
 /// camera, emitters, path depth. Names do not count.
@@ -178,9 +181,14 @@ impl Parts {
     }
 
     fn camera(&mut self, camera: &Camera) {
-        let Camera { eye, forward, right, up, vertical_fov_radians, width, height, filter } = camera;
+        let Camera { eye, forward, right, up, projection, shift, pixel_aspect, lens, width, height, filter } = camera;
         [eye, forward, right, up].into_iter().for_each(|vector| self.vector(*vector));
-        self.number(*vertical_fov_radians);
+        let (projection, extent) = match *projection {
+            Projection::Perspective { vertical_fov_radians } => (0, vertical_fov_radians),
+            Projection::Orthographic { height } => (1, height),
+            Projection::Panorama => (2, 0.0),
+        };
+        self.number(extent);
         self.whole((*width).into());
         self.whole((*height).into());
         let (kind, size) = match filter {
@@ -188,8 +196,20 @@ impl Parts {
             PixelFilter::Tent { radius } => (1, *radius),
             PixelFilter::Gaussian { deviation } => (2, *deviation),
         };
-        self.whole(kind);
+        // Cameras of older versions had no more than that, and keep their bytes; what others have follows a kind of its own.
+        let is_plain = projection == 0 && *shift == Vec2::ZERO && *pixel_aspect == 1.0 && lens.is_none();
+        self.whole(kind + if is_plain { 0 } else { BEYOND_PLAIN });
         self.number(size);
+        if is_plain {
+            return;
+        }
+        self.whole(projection);
+        [shift.x, shift.y, *pixel_aspect].into_iter().for_each(|number| self.number(number));
+        self.whole(lens.is_some().into());
+        if let Some(Lens { radius, focus_distance, blades, rotation_radians }) = *lens {
+            [radius, focus_distance, rotation_radians].into_iter().for_each(|number| self.number(number));
+            self.whole(blades.into());
+        }
     }
 
     fn emitter(&mut self, emitter: &Emitter) {

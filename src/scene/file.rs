@@ -36,11 +36,28 @@ pub(super) struct CameraEntry {
     pub(super) look_at: Option<[f64; 3]>,
     pub(super) direction: Option<[f32; 3]>,
     pub(super) up: Option<[f32; 3]>,
+    pub(super) projection: Option<ProjectionEntry>,
     pub(super) vertical_fov_degrees: Option<f32>,
+    pub(super) view_height: Option<f32>,
+    pub(super) shift: Option<[f32; 2]>,
+    pub(super) pixel_aspect: Option<f32>,
+    pub(super) aperture_radius: Option<f32>,
+    pub(super) focus_distance: Option<f32>,
+    pub(super) blades: Option<u32>,
+    pub(super) blade_rotation_degrees: Option<f32>,
     pub(super) width: Option<u32>,
     pub(super) height: Option<u32>,
     pub(super) filter: Option<FilterEntry>,
     pub(super) filter_radius: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum ProjectionEntry {
+    #[default]
+    Perspective,
+    Orthographic,
+    Panorama,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -16,6 +16,7 @@
 mod assembly;
 mod built_in;
 mod camera;
+mod camera_entry;
 mod content;
 mod cube_map;
 mod emitter;
@@ -23,6 +24,7 @@ mod file;
 mod folders;
 mod gltf;
 mod import;
+mod lens;
 mod lights;
 mod lines;
 mod load;
@@ -45,9 +47,10 @@ mod textures;
 mod validate;
 
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
-pub use camera::{Camera, PixelFilter};
+pub use camera::{Camera, PixelFilter, Projection};
 pub use content::content_hash;
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone};
+pub use lens::Lens;
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
 pub use material::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId};

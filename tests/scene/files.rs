@@ -392,7 +392,7 @@ fn the_format_document_states_the_defaults() {
         format!("1 to {} |", MatrixShape::MAX_BLOCK_SIDE),
         format!("| `max_depth` | {} |", default.max_depth),
         format!("| `width`, `height` | {}, {} |", camera.width, camera.height),
-        format!("| `vertical_fov_degrees` | {} |", camera.vertical_fov_radians.to_degrees().round()),
+        format!("| `vertical_fov_degrees` | {} |", camera.vertical_fov_radians().unwrap().to_degrees().round()),
         format!("more columns than {grouped}"),
     ];
     for line in stated {
