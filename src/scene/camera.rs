@@ -165,7 +165,10 @@ impl Camera {
     /// A number outside 0.01 to 100; pixels of a panorama that are not square.
     pub fn with_pixel_aspect(mut self, pixel_aspect: f32) -> Result<Self> {
         if !(0.01..=100.0).contains(&pixel_aspect) {
-            return refuse("the shape of the pixels is out of range", "give their width over their height, 0.01 to 100");
+            return refuse(
+                "the shape of the pixels is out of range",
+                "give their width over their height, 0.01 to 100",
+            );
         }
         self.pixel_aspect = pixel_aspect;
         self.checked()
@@ -287,7 +290,7 @@ impl Camera {
 /// Largest shift.
 const MAX_SHIFT: f32 = 100.0;
 
-pub(super) fn refuse<T>(problem: &str, hint: &str) -> Result<T> {
+fn refuse<T>(problem: &str, hint: &str) -> Result<T> {
     Err(Error::input("camera", problem, hint))
 }
 

@@ -52,7 +52,10 @@ fn projection(entry: &CameraEntry) -> std::result::Result<Projection, Refusal> {
         return Err(("only a perspective camera has vertical_fov_degrees", "leave it out"));
     }
     if entry.view_height.is_some() && kind != ProjectionEntry::Orthographic {
-        return Err(("only an orthographic camera has a view_height", "say projection = \"orthographic\", or leave it out"));
+        return Err((
+            "only an orthographic camera has a view_height",
+            "say projection = \"orthographic\", or leave it out",
+        ));
     }
     Ok(match kind {
         ProjectionEntry::Perspective => {
@@ -92,9 +95,7 @@ fn filter(entry: &CameraEntry) -> std::result::Result<PixelFilter, Refusal> {
     }
     match (entry.filter.unwrap_or(FilterEntry::Box), radius) {
         (FilterEntry::Box, None) => Ok(PixelFilter::Box),
-        (FilterEntry::Box, Some(_)) => {
-            Err(("a box filter has no filter_radius", "leave it out, or choose \"tent\""))
-        }
+        (FilterEntry::Box, Some(_)) => Err(("a box filter has no filter_radius", "leave it out, or choose \"tent\"")),
         (FilterEntry::Tent, radius) => Ok(PixelFilter::Tent { radius: radius.unwrap_or(1.0) }),
         (FilterEntry::Gaussian, radius) => Ok(PixelFilter::Gaussian { deviation: radius.unwrap_or(1.5) / 3.0 }),
     }

@@ -24,7 +24,18 @@ const BEYOND_PLAIN: u64 = 16;
 pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     let mut parts = Parts(Sha256::new());
     parts.bytes(VERSION);
-    let Scene { name: _, origin: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
+    let Scene {
+        name: _,
+        origin: _,
+        mesh,
+        materials,
+        textures,
+        camera,
+        emitters,
+        unseen_lights,
+        basis: _,
+        metres_per_unit: _,
+    } = scene;
     parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<_>>()));
     parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<_>>()));
     parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<_>>()));
@@ -49,6 +60,11 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     parts.camera(camera);
     parts.whole(emitters.len() as u64);
     emitters.iter().for_each(|emitter| parts.emitter(emitter));
+    if !unseen_lights.is_empty() {
+        // No depth is as large, so that it tells the two apart.
+        parts.whole(u64::MAX);
+        parts.bytes(bytemuck::cast_slice(unseen_lights));
+    }
     parts.whole(max_depth.into());
     parts.0.finalize().into()
 }

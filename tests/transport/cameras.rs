@@ -1,8 +1,9 @@
 //! What cameras see, in rendered pixels.
 
 use glam::{Vec2, Vec3};
+use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::Feature;
-use ltm::scene::{Camera, Lens, PixelFilter, Projection, Surface};
+use ltm::scene::{Camera, Emitter, EnvironmentEmitter, Lens, Paint, PixelFilter, Projection, Surface};
 
 use super::scenes::{Builder, lambert, settings, trace, tracer};
 
@@ -28,7 +29,8 @@ fn lamp_seen(camera: Camera, at: Vec3, samples: u32) -> Vec<f64> {
 fn spot(image: &[f64]) -> (Vec2, f64, f64) {
     let sum: f64 = image.iter().sum();
     let place = |i: usize| Vec2::new((i as u32 % SIDE) as f32 + 0.5, (i as u32 / SIDE) as f32 + 0.5);
-    let mean = |value: &dyn Fn(Vec2) -> f64| image.iter().enumerate().map(|(i, v)| v * value(place(i))).sum::<f64>() / sum;
+    let mean =
+        |value: &dyn Fn(Vec2) -> f64| image.iter().enumerate().map(|(i, v)| v * value(place(i))).sum::<f64>() / sum;
     let middle = Vec2::new(mean(&|at| f64::from(at.x)) as f32, mean(&|at| f64::from(at.y)) as f32);
     (middle, mean(&|at| f64::from((at - middle).length_squared())), sum)
 }
@@ -104,4 +106,52 @@ fn features_have_the_variance_of_what_is_out_of_focus() {
     // show 2.04. That is 9.4 pixels to either side, the last of which few rays leave on the other side.
     let [albedo, depth] = shown(looking_down().with_lens(lens).unwrap());
     assert!((15..=20).contains(&albedo) && (15..=20).contains(&depth), "{albedo} {depth}");
+}
+
+/// A lamp in the upper half of the picture, a mirror that shows it in the lower half, a pane of glass before the left half, and a sky.
+#[test]
+fn unseen_lights_are_seen_in_mirrors_alone_and_light_as_before() {
+    let camera = Camera::looking(Vec3::new(0.0, 1.0, 4.0), Vec3::NEG_Z, Vec3::Y, 1.0, (SIDE, SIDE), PixelFilter::Box);
+    let camera = camera.unwrap();
+    let image = |unseen: [bool; 2]| {
+        let mut builder = Builder::new(camera);
+        let mirror = Surface::Mirror { reflectance: Paint::Constant(Vec3::ONE) };
+        builder.quad(Vec3::new(-9.0, 0.0, 9.0), Vec3::X * 18.0, Vec3::NEG_Z * 18.0, mirror);
+        builder.quad(Vec3::new(1.0, 0.1, -1.0), Vec3::X * 3.0, Vec3::Y * 3.0, lambert(0.5));
+        builder.quad(
+            Vec3::new(-3.0, 0.5, 2.0),
+            Vec3::X * 3.0,
+            Vec3::Y * 3.0,
+            Surface::ThinDielectric { ior: 1.0, transmittance: Vec3::ONE },
+        );
+        builder.panel("panel", Vec3::new(-1.0, 1.2, 0.0), Vec3::X * 2.0, Vec3::Y, (1, 1));
+        if unseen[0] {
+            builder.unseen();
+        }
+        let mapping = EnvironmentMapping::Octahedral { side: 1 };
+        let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+        builder.bodiless("sky", LightKind::Octahedral { side: 1 }, Emitter::Environment(sky));
+        if unseen[1] {
+            builder.unseen();
+        }
+        let tracer = tracer(builder.build(), settings(4, 8));
+        let lit = |weights: [f32; 2]| tracer.trace_image(&weights.map(|w| [w; 3]), || false).unwrap();
+        [lit([1.0, 0.0]), lit([0.0, 1.0])].map(|image| image.into_iter().map(|pixel| pixel[0]).collect::<Vec<f32>>())
+    };
+    let at = |image: &[f32], x: u32, y: u32| image[(y * SIDE + x) as usize];
+    let (seen, [panel, sky]) = (image([false, false]), image([true, true]));
+    // A lamp that faces the camera, right and left, the latter behind the pane; and what is seen of both in the floor.
+    for (x, y) in [(35, 22), (28, 22)] {
+        assert_eq!((at(&seen[0], x, y), at(&panel, x, y)), (1.0, 0.0));
+        // The sky is not seen behind it either, but if it is seen itself.
+        assert_eq!((at(&seen[1], x, y), at(&sky, x, y), at(&image([true, false])[1], x, y)), (0.0, 0.0, 1.0));
+    }
+    assert_eq!((at(&seen[1], 10, 4), at(&sky, 10, 4)), (1.0, 0.0));
+    let lower = (SIDE * SIDE * 3 / 5) as usize..;
+    assert_eq!(seen[0][lower.clone()], panel[lower.clone()]);
+    assert_eq!(seen[1][lower.clone()], sky[lower.clone()]);
+    assert!(panel[lower.clone()].contains(&1.0) && sky[lower].contains(&1.0));
+    // The wall beside the lamp is lit as before.
+    let wall = at(&panel, 52, 22);
+    assert!(wall > 0.0 && wall == at(&seen[0], 52, 22) && at(&sky, 52, 22) == at(&seen[1], 52, 22), "{wall}");
 }

@@ -40,6 +40,7 @@ impl Builder {
             textures: Vec::new(),
             camera,
             emitters: Vec::new(),
+            unseen_lights: Vec::new(),
             basis: LightBasis::new(),
             metres_per_unit: 1.0,
         };
@@ -150,6 +151,11 @@ impl Builder {
     /// A light that is no geometry.
     pub(crate) fn bodiless(&mut self, name: &str, kind: LightKind, emitter: Emitter) {
         self.light(name, kind, emitter);
+    }
+
+    /// Hides the last light from the camera.
+    pub(crate) fn unseen(&mut self) {
+        self.scene.unseen_lights.push(self.scene.emitters.len() as u32 - 1);
     }
 
     pub(crate) fn build(self) -> Scene {

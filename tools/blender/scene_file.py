@@ -63,7 +63,11 @@ def _write(context, where, name, remarks):
         raise NotExported("the scene has no surfaces to render: add a mesh")
     geometry = [surfaces.name]
     materials = [{**entry, "match": toml_text.pattern(entry["match"])} for entry in glb.glass(surfaces)]
-    lights = [emitter(shining) for shining in glb.shining(surfaces)]
+    lights = [emitter(shining, scene) for shining in glb.shining(surfaces)]
+    unseen = [thing.name for thing in scene.objects if thing.type == "MESH" and not (thing.hide_render or thing.visible_camera)]
+    unlit = [name for name in unseen if all(light["object"] != toml_text.pattern(name) for light in lights)]
+    if unlit:
+        remarks.append(f"{len(unlit)} objects that the camera does not see are seen here, as they are no lights: {unlit[0]}")
     found = lamps.collect(context, scene.ltm.texels, remarks)
     discs = [lamp for lamp in found if lamp.polygon]
     if discs:
@@ -91,11 +95,15 @@ def _write(context, where, name, remarks):
     return Written(file, groups, [entry["name"] for entry in lights], remarks)
 
 
-def emitter(shining):
+def emitter(shining, scene):
     """The entry of a node's surfaces that shine."""
     side = "both" if shining.two_sided else "front"
     object_, material = toml_text.pattern(shining.object), toml_text.pattern(shining.material)
-    return {"name": shining.name, "object": object_, "material": material, "side": side}
+    entry = {"name": shining.name, "object": object_, "material": material, "side": side}
+    thing = scene.objects.get(shining.object)
+    if thing is not None and not thing.visible_camera:
+        entry["camera"] = False
+    return entry
 
 
 def rename_doubles(lights):

@@ -72,6 +72,11 @@ def test_a_camera_sees_what_it_sees_in_cycles(scene, program, tmp_path, camera):
     room.lamp("POINT", "bulb", (-1.2, -1.0, 2.5), energy=60, color=(1.0, 0.8, 0.5), shadow_soft_size=0)
     room.world((0.3, 0.5, 1.0), 0.4)
     camera(scene)
+    compare(scene, program, tmp_path, camera.__name__)
+
+
+def compare(scene, program, tmp_path, name):
+    """Holds our picture to that of Cycles."""
     scene.ltm.samples = 256
     assert bpy.ops.ltm.render() == {"FINISHED"}
     image = tmp_path / "ours.exr"
@@ -80,8 +85,18 @@ def test_a_camera_sees_what_it_sees_in_cycles(scene, program, tmp_path, camera):
     ours, theirs = room.read(image), room.by_cycles(scene, tmp_path / "theirs.exr")
     shift = ours.mean() / theirs.mean() - 1.0
     spread = numpy.sqrt(numpy.mean((room.cells(ours) - room.cells(theirs)) ** 2)) / theirs.mean()
-    print(f"{camera.__name__} mean {100 * shift:+.2f} %, cells {100 * spread:.2f} %")
+    print(f"{name} mean {100 * shift:+.2f} %, cells {100 * spread:.2f} %")
     assert abs(shift) < MEAN and spread < CELLS
+
+
+def test_what_the_camera_does_not_see_is_behind_it_as_in_cycles(scene, program, tmp_path):
+    """A glowing sheet before the room, a world, and a ball with a soft shadow; the first two are hidden from the camera."""
+    sheet = [(-0.6, -1.5, 1.0), (0.6, -1.5, 1.0), (0.6, -1.5, 2.0), (-0.6, -1.5, 2.0)]
+    room.mesh("sheet", sheet, [(3, 2, 1, 0)], room.glowing("glow", (0.4, 0.6, 1.0), 3.0)).visible_camera = False
+    room.lamp("POINT", "bulb", (0.6, -1.0, 2.4), energy=60, color=(1.0, 0.8, 0.5), shadow_soft_size=0.2)
+    room.world((0.3, 0.5, 1.0), 0.4).cycles_visibility.camera = False
+    scene.camera.location.y = -9.0
+    compare(scene, program, tmp_path, "unseen")
 
 
 def test_other_panoramas_are_refused(scene):

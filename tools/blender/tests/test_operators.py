@@ -53,9 +53,24 @@ def test_lamps_are_written_in_radiometric_units(scene, tmp_path):
     # 100 / (π · π/4), and 0.16 % for the corners that the polygon lacks.
     near(lights["disc"]["emission"], [40.5285 * 1.0016] * 3, 1e-2)
     assert (lights["sign"]["object"], lights["sign"]["material"]) == ("sign", "neon")
+    # Blender's lamps have a radius of 0.1 m, and are hidden from the camera; meshes are not.
+    near([lights[name]["radius"] for name in ("bulb", "spot")], [0.1, 0.1])
+    assert [name for name, light in lights.items() if light.get("camera") is False] == ["sun", "panel", "disc"]
     assert tree["camera"]["width"] == room.WIDTH
     near(tree["camera"]["eye"], [0, 1.5, 7])
     near(tree["camera"]["direction"], [0, 0, -1])
+
+
+def test_ray_visibility_for_the_camera_is_carried_over(scene, tmp_path):
+    panel = room.lamp("AREA", "panel", (0, 0, 3), energy=100, shape="SQUARE", size=1)
+    bulb = room.lamp("POINT", "bulb", (1, 2, 3), energy=100)
+    sign = room.mesh("sign", [(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 1, 2)], room.glowing("neon", (0.5, 1, 1), 4))
+    sky = room.world((0.3, 0.5, 1.0), 0.4)
+    panel.visible_camera = bulb.visible_camera = True
+    sign.visible_camera = sky.cycles_visibility.camera = False
+    assert bpy.ops.ltm.export() == {"FINISHED"}
+    _, lights = exported(tmp_path)
+    assert {name: light.get("camera") for name, light in lights.items()} == {"panel": None, "bulb": None, "sign": False, "World": False}
 
 
 def test_the_whole_way(scene, program, tmp_path):
