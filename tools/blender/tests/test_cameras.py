@@ -93,7 +93,8 @@ def test_what_the_camera_does_not_see_is_behind_it_as_in_cycles(scene, program, 
     """A glowing sheet before the room, a world, and a ball with a soft shadow; the first two are hidden from the camera."""
     sheet = [(-0.6, -1.5, 1.0), (0.6, -1.5, 1.0), (0.6, -1.5, 2.0), (-0.6, -1.5, 2.0)]
     room.mesh("sheet", sheet, [(3, 2, 1, 0)], room.glowing("glow", (0.4, 0.6, 1.0), 3.0)).visible_camera = False
-    room.lamp("POINT", "bulb", (0.6, -1.0, 2.4), energy=60, color=(1.0, 0.8, 0.5), shadow_soft_size=0.2)
+    bulb = {"energy": 60, "color": (1.0, 0.8, 0.5), "shadow_soft_size": 0.2, "use_soft_falloff": False}
+    room.lamp("POINT", "bulb", (0.6, -1.0, 2.4), **bulb)
     room.world((0.3, 0.5, 1.0), 0.4).cycles_visibility.camera = False
     scene.camera.location.y = -9.0
     compare(scene, program, tmp_path, "unseen")

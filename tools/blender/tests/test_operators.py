@@ -30,8 +30,8 @@ def near(found, wanted, tolerance=1e-4):
 def test_lamps_are_written_in_radiometric_units(scene, tmp_path):
     """The worked numbers of README.md."""
     scene.world = None
-    room.lamp("POINT", "bulb", (1, 2, 3), energy=100, color=RED)
-    room.lamp("SPOT", "spot", (0, 0, 3), energy=100, spot_size=pi / 3, spot_blend=0.0)
+    room.lamp("POINT", "bulb", (1, 2, 3), energy=100, color=RED, shadow_soft_size=0.25)
+    room.lamp("SPOT", "spot", (0, 0, 3), energy=100, spot_size=pi / 3, spot_blend=0.0, shadow_soft_size=0)
     room.lamp("SUN", "sun", (0, 0, 3), (0, pi / 2, 0), energy=2, angle=0.1)
     room.lamp("AREA", "panel", (0, 0, 3), energy=100, shape="RECTANGLE", size=2, size_y=1).data.ltm.texels = 8
     room.lamp("AREA", "disc", (0, 0, 2), energy=100, shape="DISK", size=1)
@@ -53,8 +53,8 @@ def test_lamps_are_written_in_radiometric_units(scene, tmp_path):
     # 100 / (π · π/4), and 0.16 % for the corners that the polygon lacks.
     near(lights["disc"]["emission"], [40.5285 * 1.0016] * 3, 1e-2)
     assert (lights["sign"]["object"], lights["sign"]["material"]) == ("sign", "neon")
-    # Blender's lamps have a radius of 0.1 m, and are hidden from the camera; meshes are not.
-    near([lights[name]["radius"] for name in ("bulb", "spot")], [0.1, 0.1])
+    # Lamps are hidden from the camera, unless they are set otherwise; meshes are not.
+    assert (lights["bulb"]["radius"], "radius" in lights["spot"]) == (0.25, False)
     assert [name for name, light in lights.items() if light.get("camera") is False] == ["sun", "panel", "disc"]
     assert tree["camera"]["width"] == room.WIDTH
     near(tree["camera"]["eye"], [0, 1.5, 7])
