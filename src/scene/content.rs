@@ -5,8 +5,8 @@ use sha2::{Digest, Sha256};
 
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
 use super::{
-    Camera, Emitter, FloatTexture, Lens, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Projection,
-    Relief, Scene, SpotCone, Surface, Texels, TextureId,
+    Camera, Emitter, FloatTexture, Lens, Material, Paint, PixelFilter, Placing, PointEmitter, PrincipledSurface,
+    Projection, Relief, Scene, SpotCone, Surface, Texels, TextureId,
 };
 use crate::light::EnvironmentMapping;
 
@@ -51,10 +51,17 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     for texture in textures {
         parts.whole(texture.width.into());
         parts.whole(texture.height.into());
+        let Placing { scale, offset, is_clamped } = texture.placing;
+        let is_plain = texture.placing == Placing::PLAIN;
+        let beyond = if is_plain { 0 } else { BEYOND_PLAIN };
         match &texture.texels {
-            Texels::Colours8(texels) => parts.kind(0, bytemuck::cast_slice(texels)),
-            Texels::Numbers8(texels) => parts.kind(1, bytemuck::cast_slice(texels)),
-            Texels::Floats(texels) => parts.kind(2, bytemuck::cast_slice(texels)),
+            Texels::Colours8(texels) => parts.kind(beyond, bytemuck::cast_slice(texels)),
+            Texels::Numbers8(texels) => parts.kind(beyond + 1, bytemuck::cast_slice(texels)),
+            Texels::Floats(texels) => parts.kind(beyond + 2, bytemuck::cast_slice(texels)),
+        }
+        if !is_plain {
+            [scale.x, scale.y, offset.x, offset.y].into_iter().for_each(|number| parts.number(number));
+            parts.whole(is_clamped.into());
         }
     }
     parts.camera(camera);
@@ -139,9 +146,14 @@ impl Parts {
         } = surface;
         [base, translucent].into_iter().for_each(|paint| self.paint(paint));
         [metallic, roughness, transmission, translucency].into_iter().for_each(|value| self.number_or_texture(value));
-        [*specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
+        let (specular_map, specular) = match *specular {
+            Paint::Constant(colour) => (None, colour),
+            Paint::Textured(map, factor) => (Some(map), factor),
+        };
+        [specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
         [*ior, coat.0, coat.1, sheen.1].into_iter().for_each(|number| self.number(number));
-        self.whole((*is_thin).into());
+        self.whole(u64::from(*is_thin) + if specular_map.is_none() { 0 } else { BEYOND_PLAIN });
+        specular_map.iter().for_each(|map| self.texture(Some(*map)));
     }
 
     fn material(&mut self, material: &Material) {

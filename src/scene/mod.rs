@@ -53,7 +53,9 @@ pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfi
 pub use lens::Lens;
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
-pub use material::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId};
+pub use material::{
+    FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,
+};
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
 pub use origin::{in_file, stated_origin};

@@ -219,7 +219,7 @@ impl World {
         let slopes = Slopes::of(edges, steps);
         let texture = |id: TextureId| &self.scene.textures[id.0 as usize];
         slopes.map_or(point.shading_normal, |slopes| match relief {
-            Relief::Normals(id, scale) => slopes.mapped(point.shading_normal, texture(id).sample(point.uv), scale),
+            Relief::Normals(id, scale) => slopes.mapped(point.shading_normal, texture(id).normal(point.uv), scale),
             Relief::Heights(id, scale) => slopes.raised(point.shading_normal, texture(id).slope(point.uv) * scale),
         })
     }
