@@ -3,6 +3,8 @@
 
 #[path = "scene/bad.rs"]
 mod bad;
+#[path = "scene/cameras.rs"]
+mod cameras;
 #[path = "scene/files.rs"]
 mod files;
 #[path = "scene/glb.rs"]
@@ -85,7 +87,7 @@ fn main() -> ExitCode {
         .chain(gltf_bad::TESTS)
         .chain(gltf_sky::TESTS)
         .chain(gltf_reference::TESTS);
-    for (name, test) in files::TESTS.iter().chain(bad::TESTS).chain(of_gltf) {
+    for (name, test) in files::TESTS.iter().chain(cameras::TESTS).chain(bad::TESTS).chain(of_gltf) {
         trials.push(trial(name, *test));
     }
     let without_folder = std::env::var_os("LTM_SCENES").is_none();

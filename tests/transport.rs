@@ -4,6 +4,8 @@
 mod bsdf;
 #[path = "transport/bvh.rs"]
 mod bvh;
+#[path = "transport/cameras.rs"]
+mod cameras;
 #[path = "transport/caustics.rs"]
 mod caustics;
 #[path = "transport/guiding.rs"]

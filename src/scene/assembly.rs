@@ -17,6 +17,8 @@ pub(super) struct Assembly {
     pub(super) materials: Vec<Material>,
     pub(super) textures: Vec<Texture>,
     pub(super) emitters: Vec<Emitter>,
+    /// See [`Scene::unseen_lights`](super::Scene::unseen_lights).
+    pub(super) unseen_lights: Vec<u32>,
     pub(super) basis: LightBasis,
 }
 

@@ -125,7 +125,7 @@ impl BuiltIn {
         };
         let size = (self.width, self.height);
         let camera = Camera::looking(eye, look_at - eye, Vec3::Y, fov_degrees.to_radians(), size, PixelFilter::Box)?;
-        let Assembly { mesh, materials, textures, emitters, basis } = assembly;
+        let Assembly { mesh, materials, textures, emitters, unseen_lights, basis } = assembly;
         let scene = Scene {
             name: name.into(),
             origin: DVec3::ZERO,
@@ -134,6 +134,7 @@ impl BuiltIn {
             textures,
             camera,
             emitters,
+            unseen_lights,
             basis,
             metres_per_unit: 1.0,
         };

@@ -1,17 +1,20 @@
 //! What decides the entries of `T`, as bytes that never change with names in the code: a scene's identity.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use sha2::{Digest, Sha256};
 
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
 use super::{
-    Camera, Emitter, FloatTexture, Material, Paint, PixelFilter, PointEmitter, PrincipledSurface, Relief, Scene,
-    SpotCone, Surface, Texels, TextureId,
+    Camera, Emitter, FloatTexture, Lens, Material, Paint, PixelFilter, Placing, PointEmitter, PrincipledSurface,
+    Projection, Relief, Scene, SpotCone, Surface, Texels, TextureId,
 };
 use crate::light::EnvironmentMapping;
 
 /// Version of these bytes: to be raised with every change of them.
 const VERSION: &[u8] = b"ltm scene 3";
+
+/// Added to the kind of a part that has more than older versions knew, which then follows.
+const BEYOND_PLAIN: u64 = 16;
 
 /// SHA-256 over everything that decides the entries of `T` apart from the samples: geometry, materials, textures,
 /// camera, emitters, path depth. Names do not count.
@@ -21,7 +24,18 @@ const VERSION: &[u8] = b"ltm scene 3";
 pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     let mut parts = Parts(Sha256::new());
     parts.bytes(VERSION);
-    let Scene { name: _, origin: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
+    let Scene {
+        name: _,
+        origin: _,
+        mesh,
+        materials,
+        textures,
+        camera,
+        emitters,
+        unseen_lights,
+        basis: _,
+        metres_per_unit: _,
+    } = scene;
     parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<_>>()));
     parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<_>>()));
     parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<_>>()));
@@ -37,15 +51,27 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     for texture in textures {
         parts.whole(texture.width.into());
         parts.whole(texture.height.into());
+        let Placing { scale, offset, is_clamped } = texture.placing;
+        let is_plain = texture.placing == Placing::PLAIN;
+        let beyond = if is_plain { 0 } else { BEYOND_PLAIN };
         match &texture.texels {
-            Texels::Colours8(texels) => parts.kind(0, bytemuck::cast_slice(texels)),
-            Texels::Numbers8(texels) => parts.kind(1, bytemuck::cast_slice(texels)),
-            Texels::Floats(texels) => parts.kind(2, bytemuck::cast_slice(texels)),
+            Texels::Colours8(texels) => parts.kind(beyond, bytemuck::cast_slice(texels)),
+            Texels::Numbers8(texels) => parts.kind(beyond + 1, bytemuck::cast_slice(texels)),
+            Texels::Floats(texels) => parts.kind(beyond + 2, bytemuck::cast_slice(texels)),
+        }
+        if !is_plain {
+            [scale.x, scale.y, offset.x, offset.y].into_iter().for_each(|number| parts.number(number));
+            parts.whole(is_clamped.into());
         }
     }
     parts.camera(camera);
     parts.whole(emitters.len() as u64);
     emitters.iter().for_each(|emitter| parts.emitter(emitter));
+    if !unseen_lights.is_empty() {
+        // No depth is as large, so that it tells the two apart.
+        parts.whole(u64::MAX);
+        parts.bytes(bytemuck::cast_slice(unseen_lights));
+    }
     parts.whole(max_depth.into());
     parts.0.finalize().into()
 }
@@ -120,9 +146,14 @@ impl Parts {
         } = surface;
         [base, translucent].into_iter().for_each(|paint| self.paint(paint));
         [metallic, roughness, transmission, translucency].into_iter().for_each(|value| self.number_or_texture(value));
-        [*specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
+        let (specular_map, specular) = match *specular {
+            Paint::Constant(colour) => (None, colour),
+            Paint::Textured(map, factor) => (Some(map), factor),
+        };
+        [specular, sheen.0].into_iter().for_each(|colour| self.vector(colour));
         [*ior, coat.0, coat.1, sheen.1].into_iter().for_each(|number| self.number(number));
-        self.whole((*is_thin).into());
+        self.whole(u64::from(*is_thin) + if specular_map.is_none() { 0 } else { BEYOND_PLAIN });
+        specular_map.iter().for_each(|map| self.texture(Some(*map)));
     }
 
     fn material(&mut self, material: &Material) {
@@ -178,9 +209,14 @@ impl Parts {
     }
 
     fn camera(&mut self, camera: &Camera) {
-        let Camera { eye, forward, right, up, vertical_fov_radians, width, height, filter } = camera;
+        let Camera { eye, forward, right, up, projection, shift, pixel_aspect, lens, width, height, filter } = camera;
         [eye, forward, right, up].into_iter().for_each(|vector| self.vector(*vector));
-        self.number(*vertical_fov_radians);
+        let (projection, extent) = match *projection {
+            Projection::Perspective { vertical_fov_radians } => (0, vertical_fov_radians),
+            Projection::Orthographic { height } => (1, height),
+            Projection::Panorama => (2, 0.0),
+        };
+        self.number(extent);
         self.whole((*width).into());
         self.whole((*height).into());
         let (kind, size) = match filter {
@@ -188,8 +224,20 @@ impl Parts {
             PixelFilter::Tent { radius } => (1, *radius),
             PixelFilter::Gaussian { deviation } => (2, *deviation),
         };
-        self.whole(kind);
+        // Cameras of older versions had no more than that, and keep their bytes; what others have follows a kind of its own.
+        let is_plain = projection == 0 && *shift == Vec2::ZERO && *pixel_aspect == 1.0 && lens.is_none();
+        self.whole(kind + if is_plain { 0 } else { BEYOND_PLAIN });
         self.number(size);
+        if is_plain {
+            return;
+        }
+        self.whole(projection);
+        [shift.x, shift.y, *pixel_aspect].into_iter().for_each(|number| self.number(number));
+        self.whole(lens.is_some().into());
+        if let Some(Lens { radius, focus_distance, blades, rotation_radians }) = *lens {
+            [radius, focus_distance, rotation_radians].into_iter().for_each(|number| self.number(number));
+            self.whole(blades.into());
+        }
     }
 
     fn emitter(&mut self, emitter: &Emitter) {

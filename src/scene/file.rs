@@ -36,11 +36,28 @@ pub(super) struct CameraEntry {
     pub(super) look_at: Option<[f64; 3]>,
     pub(super) direction: Option<[f32; 3]>,
     pub(super) up: Option<[f32; 3]>,
+    pub(super) projection: Option<ProjectionEntry>,
     pub(super) vertical_fov_degrees: Option<f32>,
+    pub(super) view_height: Option<f32>,
+    pub(super) shift: Option<[f32; 2]>,
+    pub(super) pixel_aspect: Option<f32>,
+    pub(super) aperture_radius: Option<f32>,
+    pub(super) focus_distance: Option<f32>,
+    pub(super) blades: Option<u32>,
+    pub(super) blade_rotation_degrees: Option<f32>,
     pub(super) width: Option<u32>,
     pub(super) height: Option<u32>,
     pub(super) filter: Option<FilterEntry>,
     pub(super) filter_radius: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum ProjectionEntry {
+    #[default]
+    Perspective,
+    Orthographic,
+    Panorama,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -99,6 +116,7 @@ pub(super) struct LightEntry {
     pub(super) kind: LightEntryKind,
     pub(super) name: Option<String>,
     pub(super) emission: Option<[f32; 3]>,
+    pub(super) camera: Option<bool>,
     pub(super) material: Option<String>,
     pub(super) object: Option<String>,
     pub(super) join: Option<bool>,
@@ -170,7 +188,7 @@ pub(super) enum SurfaceEntry {
 }
 
 impl LightEntryKind {
-    /// Its name in the file and the keys that go with it besides `kind`, `name` and `emission`.
+    /// Its name in the file and the keys that go with it besides `kind`, `name`, `emission` and `camera`.
     fn keys(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Surface => ("surface", &["material", "object", "join", "texels", "side"]),
@@ -216,7 +234,7 @@ impl LightEntry {
             Some((key, _)) => Err(Error::input(
                 place,
                 format!("a light of kind \"{kind}\" has no '{key}'"),
-                format!("it takes name, emission, {}", allowed.join(", ")),
+                format!("it takes name, emission, camera, {}", allowed.join(", ")),
             )),
         }
     }

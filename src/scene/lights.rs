@@ -59,6 +59,22 @@ impl LightBuilder<'_> {
         if let Some(emission) = entry.emission {
             colour(emission, "emission", f32::MAX, place)?;
         }
+        let before = self.assembly.emitters.len() as u32;
+        self.add_kind(entry, place)?;
+        match (entry.camera, entry.kind) {
+            (Some(true), LightEntryKind::Point | LightEntryKind::Spot | LightEntryKind::Ies) => {
+                let problem = "points, spots and luminaires are not seen by the camera, whatever radius they have";
+                Err(Error::input(place, problem, "leave 'camera' out"))
+            }
+            (Some(false), _) => {
+                self.assembly.unseen_lights.extend(before..self.assembly.emitters.len() as u32);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn add_kind(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         match entry.kind {
             LightEntryKind::Surface => self.surfaces(entry, place),
             LightEntryKind::Panel => self.panel(entry, place),

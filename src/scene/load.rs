@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::assembly::Assembly;
-use super::file::{self, CameraEntry, FilterEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
+use super::camera_entry;
+use super::file::{self, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
 use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::lights::LightBuilder;
@@ -13,7 +14,7 @@ use super::memory::MemoryBound;
 use super::resolve_materials::{Decided, MaterialResolver};
 use super::source::{Description, Geometry, SourceMaterial};
 use super::textures::Textures;
-use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
+use super::{Camera, LoadedScene, RenderSettings, Scene, names, validate};
 use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::files::read_input_text;
 use crate::light::names::fits;
@@ -153,7 +154,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
         }
     }
     let origin = geometry.settle(&place, &mut warnings);
-    let camera = self::camera(&camera, origin, &place)?;
+    let camera = camera_entry::camera(&camera, origin, &place)?;
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
     }
@@ -235,7 +236,7 @@ fn choose_camera(
         None => cameras.first(),
     };
     let Some(chosen) = chosen else {
-        warnings.push(format!("{place}: has no perspective camera: one from which all of it is seen is used"));
+        warnings.push(format!("{place}: has no camera: one from which all of it is seen is used"));
         return seeing_all(&geometry.mesh);
     };
     if cameras.len() > 1 {
@@ -306,11 +307,12 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     let weights = std::mem::take(&mut lights.weights);
     warnings.append(&mut lights.warnings);
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
-    let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
+    let Assembly { mesh, materials, textures, emitters, unseen_lights, mut basis } = assembly;
     for (first, weights) in weights {
         basis.set_scene_weights(first, weights)?;
     }
-    let scene = Scene { name, origin, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
+    let scene =
+        Scene { name, origin, mesh, materials, textures, camera, emitters, unseen_lights, basis, metres_per_unit };
     Ok(Unchecked { scene, settings, cameras: Vec::new(), warnings })
 }
 
@@ -369,37 +371,5 @@ fn settings(entry: &RenderEntry, place: &str) -> Result<RenderSettings> {
         seed: entry.seed.unwrap_or(default.seed),
         block_side: within("block_side", entry.block_side, default.block_side, MatrixShape::MAX_BLOCK_SIDE)?,
         max_depth: within("max_depth", entry.max_depth, default.max_depth, 1024)?,
-    })
-}
-
-fn camera(entry: &CameraEntry, origin: DVec3, place: &str) -> Result<Camera> {
-    let place = format!("{place}, [camera]");
-    let eye = DVec3::from(entry.eye);
-    let direction = match (entry.look_at, entry.direction) {
-        (Some(at), None) => (DVec3::from(at) - eye).as_vec3(),
-        (None, Some(direction)) => direction.into(),
-        (None, None) => return Err(Error::input(place, "says not where it looks", "give look_at or direction")),
-        (Some(_), Some(_)) => {
-            return Err(Error::input(place, "has both look_at and direction", "give one of them"));
-        }
-    };
-    let size = (entry.width.unwrap_or(640), entry.height.unwrap_or(480));
-    let radius = entry.filter_radius;
-    if radius.is_some_and(|r| !(0.0..=8.0).contains(&r)) {
-        return Err(Error::input(place, "filter_radius is out of range", "give 0 to 8 pixels"));
-    }
-    let filter = match (entry.filter.unwrap_or(FilterEntry::Box), radius) {
-        (FilterEntry::Box, None) => PixelFilter::Box,
-        (FilterEntry::Box, Some(_)) => {
-            return Err(Error::input(place, "a box filter has no filter_radius", "leave it out, or choose \"tent\""));
-        }
-        (FilterEntry::Tent, radius) => PixelFilter::Tent { radius: radius.unwrap_or(1.0) },
-        (FilterEntry::Gaussian, radius) => PixelFilter::Gaussian { deviation: radius.unwrap_or(1.5) / 3.0 },
-    };
-    let up = entry.up.map_or(Vec3::Y, Vec3::from);
-    let fov = entry.vertical_fov_degrees.unwrap_or(45.0).to_radians();
-    Camera::looking((eye - origin).as_vec3(), direction, up, fov, size, filter).map_err(|error| match error {
-        Error::Input { problem, hint, .. } => Error::input(place, problem, hint),
-        other => other,
     })
 }

@@ -21,7 +21,7 @@ pub(super) fn normal_reflectance(ior: f32) -> f32 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TextureId(pub u32);
 
-/// An image over texture coordinates, repeated in both directions.
+/// An image over texture coordinates.
 #[derive(Clone, Debug)]
 pub struct Texture {
     /// Its origin, for messages.
@@ -32,6 +32,24 @@ pub struct Texture {
     pub height: u32,
     /// RGBA texels, row by row from the top (v = 1).
     pub texels: Texels,
+    /// How it lies on the texture coordinates.
+    pub placing: Placing,
+}
+
+/// How a texture lies on the texture coordinates of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placing {
+    /// Factor on the texture coordinates.
+    pub scale: Vec2,
+    /// Added after the factor.
+    pub offset: Vec2,
+    /// Whether it ends at its edges, whose texels go on beyond; otherwise it repeats.
+    pub is_clamped: bool,
+}
+
+impl Placing {
+    /// On the coordinates themselves, repeating.
+    pub const PLAIN: Self = Self { scale: Vec2::ONE, offset: Vec2::ZERO, is_clamped: false };
 }
 
 /// Texels as their file has them.
@@ -83,7 +101,7 @@ pub struct PrincipledSurface {
     /// Perceptual roughness, the root of GGX α.
     pub roughness: FloatTexture,
     /// Reflectance of what is no metal, at normal incidence.
-    pub specular: Vec3,
+    pub specular: Paint,
     /// Share of what is no metal that is glass.
     pub transmission: FloatTexture,
     /// Index of refraction of the glass.
@@ -191,6 +209,22 @@ impl Texels {
         (self.count() * texel) as u64
     }
 
+    /// Numbers of eight bits, or floats, with a function on each channel but alpha.
+    pub(super) fn mapped(self, of: impl Fn(f32) -> f32) -> Self {
+        match self {
+            Self::Colours8(mut texels) | Self::Numbers8(mut texels) => {
+                let codes: [u8; 256] =
+                    std::array::from_fn(|code| (of(code as f32 / 255.0).clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
+                texels.iter_mut().flat_map(|texel| &mut texel[..3]).for_each(|v| *v = codes[usize::from(*v)]);
+                Self::Numbers8(texels)
+            }
+            Self::Floats(mut texels) => {
+                texels.iter_mut().flat_map(|texel| &mut texel[..3]).for_each(|v| *v = of(*v));
+                Self::Floats(texels)
+            }
+        }
+    }
+
     /// Whether they look like normals in tangent space: blue, of length one, and no grey.
     pub(super) fn are_normals(&self) -> bool {
         let step = (self.count() / 4096).max(1);
@@ -223,7 +257,7 @@ impl Texels {
 static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| decode_srgb(code as f32 / 255.0)));
 
 impl Texture {
-    /// Bilinear look-up of RGBA at `uv`, repeating; v points up.
+    /// Bilinear look-up of RGBA at `uv`; v points up.
     #[inline]
     pub fn sample(&self, uv: Vec2) -> [f32; 4] {
         let (corners, fx, fy) = self.around(uv);
@@ -238,7 +272,12 @@ impl Texture {
     /// The four texels around `uv`, the upper left one first, and the place between them.
     #[inline(always)]
     fn around(&self, uv: Vec2) -> ([usize; 4], f32, f32) {
-        let wrap = |i: i64, n: u32| i.rem_euclid(i64::from(n)) as usize;
+        let Placing { scale, offset, is_clamped } = self.placing;
+        let uv = if self.placing == Placing::PLAIN { uv } else { uv * scale + offset };
+        let wrap = |i: i64, n: u32| match is_clamped {
+            true => i.clamp(0, i64::from(n) - 1) as usize,
+            false => i.rem_euclid(i64::from(n)) as usize,
+        };
         let x = uv.x * self.width as f32 - 0.5;
         let y = (1.0 - uv.y) * self.height as f32 - 0.5;
         let (fx, fy) = (x - x.floor(), y - y.floor());
@@ -248,13 +287,21 @@ impl Texture {
         ([at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1)], fx, fy)
     }
 
-    /// How the first channel grows along u and v at `uv`, for each unit of them.
+    /// A map of normals at `uv`: red along u and green along v, each from −1 to 1 as 0 to 1.
+    pub fn normal(&self, uv: Vec2) -> [f32; 4] {
+        let [r, g, b, a] = self.sample(uv);
+        let turned = |value: f32, scale: f32| if scale < 0.0 { 1.0 - value } else { value };
+        [turned(r, self.placing.scale.x), turned(g, self.placing.scale.y), b, a]
+    }
+
+    /// How the first channel grows along u and v at `uv`, for each width of the texture.
     pub fn slope(&self, uv: Vec2) -> Vec2 {
         let (corners, fx, fy) = self.around(uv);
         let [a, b, c, d] = corners.map(|corner| self.texels.at(corner)[0]);
         let across = (b - a) * (1.0 - fy) + (d - c) * fy;
         let down = (c - a) * (1.0 - fx) + (d - b) * fx;
-        Vec2::new(across * self.width as f32, -down * self.height as f32)
+        let scale = self.placing.scale;
+        Vec2::new(across * self.width as f32, -down * self.height as f32) * scale / scale.x.abs()
     }
 }
 
@@ -297,7 +344,7 @@ impl PrincipledSurface {
             base: white,
             metallic: none,
             roughness: none,
-            specular: Vec3::ZERO,
+            specular: Paint::Constant(Vec3::ZERO),
             transmission: none,
             ior,
             is_thin: true,

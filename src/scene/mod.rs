@@ -16,6 +16,7 @@
 mod assembly;
 mod built_in;
 mod camera;
+mod camera_entry;
 mod content;
 mod cube_map;
 mod emitter;
@@ -23,6 +24,7 @@ mod file;
 mod folders;
 mod gltf;
 mod import;
+mod lens;
 mod lights;
 mod lines;
 mod load;
@@ -45,12 +47,15 @@ mod textures;
 mod validate;
 
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
-pub use camera::{Camera, PixelFilter};
+pub use camera::{Camera, PixelFilter, Projection};
 pub use content::content_hash;
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone};
+pub use lens::Lens;
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
-pub use material::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId};
+pub use material::{
+    FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,
+};
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
 pub use origin::{in_file, stated_origin};
@@ -78,6 +83,9 @@ pub struct Scene {
     pub camera: Camera,
     /// One emitter for each light of the basis, in the same order.
     pub emitters: Vec<Emitter>,
+    /// Lights that the camera does not see, by their numbers, ascending: its rays pass them as if they were not there. Mirrors show them,
+    /// and they light as others do.
+    pub unseen_lights: Vec<u32>,
     /// Which column is which light. Places count from the origin.
     pub basis: LightBasis,
     /// Metres per scene unit, 0 where unknown.

@@ -13,7 +13,7 @@ use super::material::{IORS, USUAL_IOR, normal_reflectance};
 use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, ShownLook, Through, Writer};
 use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
-use super::{FloatTexture, Material, Paint, PrincipledSurface, Relief, Surface, TextureId};
+use super::{FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, TextureId};
 use crate::decimal::{list, of_f32};
 use crate::error::{Error, Result, Warnings};
 use crate::light::names::fits;
@@ -23,6 +23,9 @@ const NAMES_SHOWN: usize = 4;
 
 /// Grey values of `Kd` that programs write whatever is mapped: Blender's 0.8 at intensity 1, 0.8, 0.64, 0.512, and 3ds Max' 150 of 255.
 const WRITTEN_GREYS: [f32; 5] = [0.8, 0.64, 0.512, 0.4096, 0.588];
+
+/// Largest Phong exponent of the format, where a map of exponents has no factor.
+const MAX_SHININESS: f32 = 1000.0;
 
 /// How high white stands above black in a map of heights, in units of its width.
 const HEIGHT: f32 = 0.01;
@@ -150,7 +153,7 @@ impl MaterialResolver<'_> {
             base: paint(base_map, source.base),
             metallic: level(mixed_map, 2, source.metallic),
             roughness: level(mixed_map, 1, source.roughness),
-            specular,
+            specular: Paint::Constant(specular),
             transmission: level(transmission_map, 0, source.transmission),
             ior: source.ior,
             is_thin: !source.is_body,
@@ -188,7 +191,10 @@ impl MaterialResolver<'_> {
     fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path, shape: MaterialShape) -> Result<UnresolvedMaterial> {
         let asked_by = format!("material '{}'", source.name);
         let mut map = |map: &Option<MtlMap>, usage: TextureUse| match map {
-            Some(map) => self.textures.named(folder, &map.file, usage, &asked_by, &mut self.warnings),
+            Some(map) => {
+                let (named, placing) = ((folder, map.file.as_str()), source.placing(map));
+                self.textures.placed(named, placing, usage, &asked_by, &mut self.warnings)
+            }
             None => Ok(None),
         };
         let diffuse_map = map(&source.diffuse_map, TextureUse::Reflectance)?;
@@ -204,6 +210,14 @@ impl MaterialResolver<'_> {
             }
             found
         };
+        // Blender names maps of roughness so.
+        let is_roughness = source.writer == Writer::Blender;
+        let most = source.shininess_factor().unwrap_or(MAX_SHININESS);
+        let shininess = if is_roughness { TextureUse::Numbers } else { TextureUse::Shininess(most.to_bits()) };
+        let gloss = GlossMaps {
+            specular: map(&source.specular_map, TextureUse::Reflectance)?,
+            roughness: map(&source.shininess_map, shininess)?,
+        };
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
             Some(id) => Paint::Textured(id, self.beside_map(source)),
@@ -212,6 +226,14 @@ impl MaterialResolver<'_> {
             None => Paint::Constant(diffuse),
         };
         self.note_maps(source);
+        let without;
+        let source = if source.specular_map.is_some() && gloss.specular.is_none() {
+            // A map that is missing says nothing.
+            without = MtlMaterial { specular_map: None, ..source.clone() };
+            &without
+        } else {
+            source
+        };
         let ShownLook { look, opacity, through } = mtl::look_of(source, shape);
         let is_bent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
         if let Some(ior) = source.ior.filter(|ior| !IORS.contains(ior) && (is_bent || ior > IORS.end())) {
@@ -240,9 +262,12 @@ impl MaterialResolver<'_> {
                 base: look.reflectance,
                 metallic: level(metallic_map, source.metallic, 0.0),
                 roughness: level(roughness_map, source.roughness, 0.5),
-                specular: look.specular,
+                specular: Paint::Constant(look.specular),
                 ..PrincipledSurface::opaque(look.ior)
             });
+        }
+        if !is_pbr {
+            look.vary(gloss);
         }
         let bump = bump_map.map(|id| self.relief_of(id, source.bump_map.as_ref().map_or(1.0, |map| map.raised)));
         let (absorption, relief) = (Vec3::ZERO, normal_map.map(|id| Relief::Normals(id, 1.0)).or(bump));
@@ -298,16 +323,8 @@ impl MaterialResolver<'_> {
     /// Says what of a material's maps is not as it is stated.
     fn note_maps(&mut self, source: &MtlMaterial) {
         let name = &source.name;
-        let maps = || source.maps();
-        if maps().any(|map| map.is_clamped) {
-            self.decided.note("a map is to end at its edges (-clamp); it is repeated", name);
-        }
-        let first = maps().next();
-        if maps().any(|map| first.is_some_and(|first| (map.scale, map.offset) != (first.scale, first.offset))) {
-            self.decided.note(
-                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke, map_Pr",
-                name,
-            );
+        if source.maps().any(|map| map.scale.x == 0.0 || map.scale.y == 0.0) {
+            self.decided.note("a map is scaled by 0 (-s), which leaves no place for it", name);
         }
     }
 
@@ -340,7 +357,7 @@ impl MaterialResolver<'_> {
             let mut map = |name: &Option<String>, usage: TextureUse| {
                 let Some(name) = name else { return Ok(None) };
                 match self.folders.look_up(name, &place)? {
-                    Some(path) => self.textures.get(&path, usage, &mut self.warnings).map(Some),
+                    Some(path) => self.textures.get(&path, Placing::PLAIN, usage, &mut self.warnings).map(Some),
                     None => self.textures.named(self.folders.own(), name, usage, &place, &mut self.warnings),
                 }
             };
@@ -364,7 +381,38 @@ impl MaterialResolver<'_> {
     }
 }
 
+/// Maps of what a coat or a metal reflects and of how rough it is.
+#[derive(Clone, Copy, Debug)]
+struct GlossMaps {
+    specular: Option<TextureId>,
+    roughness: Option<TextureId>,
+}
+
 impl SurfaceParams {
+    /// Lets the reflection of a coat, a mirror or a metal vary as maps say.
+    fn vary(&mut self, GlossMaps { specular, roughness }: GlossMaps) {
+        let is_metal = match self.kind {
+            SurfaceEntry::Coated => false,
+            SurfaceEntry::Mirror | SurfaceEntry::RoughConductor => true,
+            _ => return,
+        };
+        if let (true, Some(id), Paint::Constant(colour)) = (is_metal, specular, self.reflectance) {
+            self.reflectance = Paint::Textured(id, colour);
+        }
+        let coat = specular.filter(|_| !is_metal);
+        if roughness.is_none() && coat.is_none() {
+            return;
+        }
+        let alpha = if self.kind == SurfaceEntry::Mirror { 0.0 } else { self.alpha };
+        self.several = Some(PrincipledSurface {
+            base: self.reflectance,
+            metallic: FloatTexture::Constant(if is_metal { 1.0 } else { 0.0 }),
+            roughness: roughness.map_or(FloatTexture::Constant(alpha.sqrt()), |id| FloatTexture::Textured(id, 0, 1.0)),
+            specular: coat.map_or(Paint::Constant(self.specular), |id| Paint::Textured(id, self.specular)),
+            ..PrincipledSurface::opaque(self.ior)
+        });
+    }
+
     /// Converts an MTL material over this base colour.
     fn of_mtl(look: &MtlLook, base: Paint) -> Self {
         let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance, is_pbr: _ } = look;
@@ -374,7 +422,8 @@ impl SurfaceParams {
 
     /// What is several kinds at once, and what it is if one of them is asked for.
     fn of_several(several: PrincipledSurface) -> Self {
-        let PrincipledSurface { base, roughness, specular, ior, .. } = several;
+        let PrincipledSurface { base, roughness, ior, .. } = several;
+        let (Paint::Constant(specular) | Paint::Textured(_, specular)) = several.specular;
         let transmittance = match base {
             Paint::Constant(colour) | Paint::Textured(_, colour) => colour,
         };
@@ -402,7 +451,9 @@ impl SurfaceParams {
         }
         if let Some(specular) = entry.specular {
             self.specular = colour(specular, "specular", f32::MAX, place)?;
-            self.several.iter_mut().for_each(|several| several.specular = self.specular.min(Vec3::ONE));
+            self.several
+                .iter_mut()
+                .for_each(|several| several.specular = Paint::Constant(self.specular.min(Vec3::ONE)));
         }
         if let Some(transmittance) = entry.transmittance {
             self.transmittance = colour(transmittance, "transmittance", f32::MAX, place)?;
@@ -438,7 +489,9 @@ impl SurfaceParams {
         clamp(&mut self.transmittance);
         if let Some(several) = &mut self.several {
             several.base = self.reflectance;
-            clamp(&mut several.specular);
+            match &mut several.specular {
+                Paint::Constant(colour) | Paint::Textured(_, colour) => clamp(colour),
+            }
         }
         clamped
     }
@@ -447,7 +500,7 @@ impl SurfaceParams {
     fn of_one_kind(&self, several: &PrincipledSurface) -> Option<Self> {
         let &PrincipledSurface { base, metallic, roughness, transmission, is_thin, translucency, .. } = several;
         let FloatTexture::Constant(roughness) = roughness else { return None };
-        if several.coat.0 > 0.0 || several.sheen.0 != Vec3::ZERO {
+        if !matches!(several.specular, Paint::Constant(_)) || several.coat.0 > 0.0 || several.sheen.0 != Vec3::ZERO {
             return None;
         }
         let is_plain = transmission.is(0.0) && translucency.is(0.0);

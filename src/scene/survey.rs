@@ -11,7 +11,7 @@ use crate::error::{Result, Warnings};
 pub struct SceneSurvey {
     /// The scene.
     pub scene: Scene,
-    /// The perspective cameras of a glTF file by their nodes' names, the one that is used first by default; none for a scene file.
+    /// The cameras of a glTF file by their nodes' names, the one that is used first by default; none for a scene file.
     pub cameras: Vec<String>,
     /// Number of triangles of each material.
     pub triangles: Vec<usize>,

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::memory::MemoryBound;
+use super::mtl::roughness_of_shininess;
 use super::source::ImageSource;
-use super::{Texels, Texture, TextureId};
+use super::{Placing, Texels, Texture, TextureId};
 use crate::error::{Error, Hint, Result, Warnings};
 use crate::files::FileAccess;
 use crate::image::{
@@ -34,6 +35,8 @@ pub(super) enum TextureUse {
     Numbers,
     /// Reflectance that is also a cut-out: alpha times the number with these bits.
     Masked(u32),
+    /// Phong exponents over the number with these bits, kept as the roughness that they mean.
+    Shininess(u32),
 }
 
 /// The textures read so far.
@@ -42,7 +45,7 @@ pub(super) struct Textures {
     pub(super) list: Vec<Texture>,
     pub(super) memory: MemoryBound,
     reach: FileAccess,
-    known: HashMap<(PathBuf, TextureUse), TextureId>,
+    known: HashMap<(PathBuf, TextureUse, [u32; 5]), TextureId>,
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
     missing: Vec<(PathBuf, String)>,
@@ -75,6 +78,21 @@ impl Textures {
         asked_by: &str,
         warnings: &mut Warnings,
     ) -> Result<Option<TextureId>> {
+        self.placed((folder, name), Placing::PLAIN, usage, asked_by, warnings)
+    }
+
+    /// As [`named`](Self::named), of a texture that lies otherwise.
+    ///
+    /// # Errors
+    /// As [`named`](Self::named).
+    pub(super) fn placed(
+        &mut self,
+        (folder, name): (&Path, &str),
+        placing: Placing,
+        usage: TextureUse,
+        asked_by: &str,
+        warnings: &mut Warnings,
+    ) -> Result<Option<TextureId>> {
         let written = folder.join(name);
         let found = find_as_elsewhere(folder, name);
         let is_moved = found.is_none();
@@ -88,11 +106,12 @@ impl Textures {
         } else if !is_moved && found != written && self.respelled.iter().all(|(known, _)| *known != written) {
             self.respelled.push((written, found.clone()));
         }
-        self.get(&found, usage, warnings).map(Some)
+        self.get(&found, placing, usage, warnings).map(Some)
     }
 
     fn miss(&mut self, written: PathBuf, usage: TextureUse, asked_by: &str) {
-        let list = if usage == TextureUse::Numbers { &mut self.lacking } else { &mut self.missing };
+        let refines = matches!(usage, TextureUse::Numbers | TextureUse::Shininess(_));
+        let list = if refines { &mut self.lacking } else { &mut self.missing };
         if list.iter().all(|(path, _)| *path != written) {
             list.push((written, asked_by.to_owned()));
         }
@@ -144,12 +163,18 @@ impl Textures {
     ///
     /// # Errors
     /// A file that cannot be read or is no image, or more textures than fit.
-    pub(super) fn get(&mut self, path: &Path, usage: TextureUse, warnings: &mut Warnings) -> Result<TextureId> {
-        if let Some(&id) = self.known.get(&(path.to_owned(), usage)) {
+    pub(super) fn get(
+        &mut self,
+        path: &Path,
+        placing: Placing,
+        usage: TextureUse,
+        warnings: &mut Warnings,
+    ) -> Result<TextureId> {
+        if let Some(&id) = self.known.get(&(path.to_owned(), usage, bits_of(placing))) {
             return Ok(id);
         }
         let facts = image_facts(path)?;
-        self.keep(path, facts, usage, warnings, || read_rgba(path))
+        self.keep((path, placing), facts, usage, warnings, || read_rgba(path))
     }
 
     /// The texture that a glTF file names; none where it is missing, as with [`named`](Self::named).
@@ -166,11 +191,12 @@ impl Textures {
         match source {
             ImageSource::File(folder, name) => self.named(folder, name, usage, asked_by, warnings),
             ImageSource::Embedded(name, bytes) => {
-                if let Some(&id) = self.known.get(&(name.clone(), usage)) {
+                if let Some(&id) = self.known.get(&(name.clone(), usage, bits_of(Placing::PLAIN))) {
                     return Ok(Some(id));
                 }
                 let facts = embedded_facts(name, bytes)?;
-                self.keep(name, facts, usage, warnings, || read_embedded(name, bytes)).map(Some)
+                let read = || read_embedded(name, bytes);
+                self.keep((name, Placing::PLAIN), facts, usage, warnings, read).map(Some)
             }
             ImageSource::Colours(texture) => {
                 let path = Path::new(&texture.name);
@@ -200,7 +226,7 @@ impl Textures {
     /// Reads an image and keeps it as a texture.
     fn keep(
         &mut self,
-        path: &Path,
+        (path, placing): (&Path, Placing),
         facts: ImageFacts,
         usage: TextureUse,
         warnings: &mut Warnings,
@@ -226,15 +252,25 @@ impl Textures {
             warnings.push(format!("{}: values that no surface can have were clamped", path.display()));
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.list.push(Texture { name, width, height, texels });
+        self.list.push(Texture { name, width, height, texels, placing });
         let id = TextureId(self.list.len() as u32 - 1);
-        self.known.insert((path.to_owned(), usage), id);
+        self.known.insert((path.to_owned(), usage, bits_of(placing)), id);
         Ok(id)
     }
 }
 
+/// The placing as a key.
+fn bits_of(Placing { scale, offset, is_clamped }: Placing) -> [u32; 5] {
+    [scale.x.to_bits(), scale.y.to_bits(), offset.x.to_bits(), offset.y.to_bits(), is_clamped.into()]
+}
+
 /// The texels of an image for a use, and whether values were mended. Eight bits stay eight bits.
 fn texels_of(mut image: RgbaImage, usage: TextureUse) -> (Texels, bool) {
+    if let TextureUse::Shininess(most) = usage {
+        // As numbers first.
+        let (numbers, mended) = texels_of(image, TextureUse::Numbers);
+        return (numbers.mapped(|share| roughness_of_shininess(share * f32::from_bits(most))), mended);
+    }
     let has_alpha = image.has_alpha;
     if image.is_8_bit {
         let codes: [f32; 256] = std::array::from_fn(|code| decode_srgb(code as f32 / 255.0));
@@ -264,7 +300,9 @@ fn texels_of(mut image: RgbaImage, usage: TextureUse) -> (Texels, bool) {
         TextureUse::Masked(scale) => [mend(r), mend(g), mend(b), a * f32::from_bits(scale)],
         // What was decoded from sRGB was no colour.
         TextureUse::Numbers if image.is_encoded => [r, g, b, a].map(encode_srgb),
-        TextureUse::Reflectance | TextureUse::Emission | TextureUse::Numbers => [mend(r), mend(g), mend(b), a],
+        TextureUse::Reflectance | TextureUse::Emission | TextureUse::Numbers | TextureUse::Shininess(_) => {
+            [mend(r), mend(g), mend(b), a]
+        }
     };
     image.pixels.iter_mut().for_each(|pixel| *pixel = texel(*pixel));
     (Texels::Floats(image.pixels), mended)

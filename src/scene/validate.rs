@@ -72,6 +72,9 @@ fn check_lights(scene: &Scene) -> Result<()> {
     if scene.emitters.len() != scene.basis.lights().len() {
         return Err(Error::input(place(scene), "has a basis that is not that of its emitters", "make them anew"));
     }
+    if scene.unseen_lights.iter().any(|&light| light as usize >= scene.emitters.len()) {
+        return Err(Error::input(place(scene), "names an unseen light that does not exist", "make the list anew"));
+    }
     for (emitter, light) in scene.emitters.iter().zip(scene.basis.lights()) {
         let Emitter::Area(area) = emitter else { continue };
         let doubled: f32 = area
@@ -91,12 +94,15 @@ fn check_lights(scene: &Scene) -> Result<()> {
 
 fn check_camera(scene: &Scene, warnings: &mut Warnings) -> Result<()> {
     let camera = &scene.camera;
-    let seen = |directions: Vec<Vec3>| {
-        let mut hits = vec![None; directions.len()];
-        for triangle in &scene.mesh.triangles {
+    let mut unseen = vec![false; scene.emitters.len()];
+    scene.unseen_lights.iter().for_each(|&light| unseen[light as usize] = true);
+    let seen = |rays: Vec<(Vec3, Vec3)>| {
+        let mut hits = vec![None; rays.len()];
+        let is_seen = |t: &&super::Triangle| t.emitter.is_none_or(|light| !unseen[light as usize]);
+        for triangle in scene.mesh.triangles.iter().filter(is_seen) {
             let corners = scene.mesh.corners(triangle);
-            for (hit, &direction) in hits.iter_mut().zip(&directions) {
-                if let Some((distance, front)) = intersect(camera.eye, direction, corners)
+            for (hit, &(origin, direction)) in hits.iter_mut().zip(&rays) {
+                if let Some((distance, front)) = intersect(origin, direction, corners)
                     && hit.is_none_or(|(nearest, _)| distance < nearest)
                 {
                     *hit = Some((distance, front));
@@ -110,7 +116,7 @@ fn check_camera(scene: &Scene, warnings: &mut Warnings) -> Result<()> {
         let (x, y) = ((i % across) as f32 + 0.5, (i / across) as f32 + 0.5);
         Vec2::new(x * camera.width as f32 / across as f32, y * camera.height as f32 / down as f32)
     });
-    let in_view = seen(pixels.map(|at| camera.direction(at)).collect());
+    let in_view = seen(pixels.map(|at| camera.ray(at)).collect());
     let (low, high) = scene.mesh.bounds();
     let size = (high - low).length();
     if in_view.is_empty() {
@@ -128,7 +134,11 @@ fn check_camera(scene: &Scene, warnings: &mut Warnings) -> Result<()> {
         let problem = format!("the camera at {eye} stands in a wall: all it sees is nearer than {}", 1e-3 * size);
         return Err(Error::input(place(scene), problem, "move the camera into the open"));
     }
-    let around = seen((0..AROUND).map(on_sphere).collect());
+    // The rays of an orthographic camera have no common origin.
+    let around = match camera.is_orthographic() {
+        true => Vec::new(),
+        false => seen((0..AROUND).map(|index| (camera.eye, on_sphere(index))).collect()),
+    };
     if around.len() == AROUND && around.iter().all(|(_, front)| !front) {
         let problem = "the camera sees only backs of surfaces all around: it may stand inside something solid";
         warnings.push(format!("{}: {problem}", place(scene)));

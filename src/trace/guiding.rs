@@ -241,7 +241,7 @@ fn visible_part(world: &World, lit: &[LitPoint], seen: &[SurfacePoint]) -> f32 {
     let sees = |(at, from): (usize, &SurfacePoint)| {
         let lit = &lit[at * lit.len() / seen.len()];
         let way = from.position - lit.position;
-        let side = from.normal * from.normal.dot(world.scene.camera.eye - from.position).signum();
+        let side = from.normal * from.normal.dot(world.scene.camera.towards(from.position)).signum();
         if way.dot(lit.normal) <= 0.0 || way.dot(side) >= 0.0 {
             return false;
         }
@@ -317,7 +317,8 @@ fn seen_points(world: &World) -> Vec<SurfacePoint> {
     let size = Vec2::new(camera.width as f32, camera.height as f32);
     let point = |ray: u32| {
         let place = Sampler::new(SEED, u64::MAX >> 1, ray).pair(Dimension::Pixel, 0) * size;
-        world.intersect(camera.eye, camera.direction(place), &mut 0)
+        let (origin, direction) = camera.ray(place);
+        world.intersect_seen(origin, direction, &mut 0)
     };
     (0..RAYS).filter_map(point).collect()
 }

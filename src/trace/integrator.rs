@@ -16,12 +16,13 @@ use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
+use super::camera_ray::camera_ray;
 use super::guiding::{self, Guided, PathGuide};
 use super::lights::{EmitterHit, LightPmf, Receiver, SeenLight};
 use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
 use super::pixel_filter::filter_offset;
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
-use super::sampler::{Dimension, KIND_DIMENSION, Sampler};
+use super::sampler::{Dimension, KIND_DIMENSION, LENS_DIMENSION, Sampler};
 use super::vertex::{PathRay, PathVertex, power_heuristic};
 use super::world::{MAX_PASSES, World};
 
@@ -219,7 +220,7 @@ pub(super) fn trace_sample(
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
-    let ray = PathRay::new(camera.eye, camera.direction(position));
+    let ray = camera_ray(camera, position, || sampler.pair(Dimension::Pixel, LENS_DIMENSION));
     let begin = Begin {
         ray,
         throughput: Vec3::ONE,
@@ -420,10 +421,18 @@ impl Paths<'_> {
         throughput: Vec3,
         record: &mut PathRecord<'_, '_>,
     ) -> Option<PathVertex> {
-        let (world, &PathRay { origin, direction, .. }) = (self.world, ray);
-        let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
+        let (world, &PathRay { origin, direction, is_cameras, .. }) = (self.world, ray);
+        let rays = &mut record.cost.rays;
+        let point = match is_cameras {
+            true => world.intersect_seen(origin, direction, rays),
+            false => world.intersect(origin, direction, rays),
+        };
+        let Some(point) = point else {
             let hit = EmitterHit::beyond(origin, direction);
             for found in world.lights.beyond(direction, last.cosine, &last.from) {
+                if is_cameras && !world.lights.is_seen(found.source) {
+                    continue;
+                }
                 let weight = self.weight_of_found(last, &found, &hit);
                 record.add(layer, found.column, throughput * found.radiance * weight);
             }

@@ -11,6 +11,7 @@
 mod accumulator;
 pub mod bsdf;
 pub mod bvh;
+mod camera_ray;
 mod cap;
 mod frame;
 mod further_rays;

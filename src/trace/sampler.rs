@@ -23,6 +23,9 @@ pub(super) enum Dimension {
 /// Added to the number of a vertex for the choice of its kind, where a surface is of two.
 pub(super) const KIND_DIMENSION: u32 = 1 << 17;
 
+/// Number, in place of a vertex, of the pair of [`Dimension::Pixel`] that chooses a point of the lens.
+pub(super) const LENS_DIMENSION: u32 = 1;
+
 const USES: u32 = 4;
 
 /// The random numbers of one sample of one pixel.

@@ -32,11 +32,18 @@ pub(super) struct PathRay {
     pub(super) direction: Vec3,
     /// Absorption of the body that it leaves into, per unit length.
     pub(super) absorption: Vec3,
+    /// Whether it left the camera, and passed what it met since straight. Unseen lights are not there for it.
+    pub(super) is_cameras: bool,
 }
 
 impl PathRay {
     pub(super) fn new(origin: Vec3, direction: Vec3) -> Self {
-        Self { origin, direction, absorption: Vec3::ZERO }
+        Self { origin, direction, absorption: Vec3::ZERO, is_cameras: false }
+    }
+
+    /// The ray as one that leaves the camera.
+    pub(super) fn of_camera(self) -> Self {
+        Self { is_cameras: true, ..self }
     }
 }
 
@@ -78,7 +85,7 @@ impl PathVertex {
     pub(super) fn ray(&self, world: &World, direction: Vec3) -> PathRay {
         let is_inside = world.absorbs && direction.dot(self.point.normal) < 0.0;
         let absorption = if is_inside { world.absorption(&self.point) } else { Vec3::ZERO };
-        PathRay { origin: self.point.start(direction), direction, absorption }
+        PathRay { absorption, ..PathRay::new(self.point.start(direction), direction) }
     }
 
     /// The ray that passes straight through, as if the surface were absent.

@@ -101,6 +101,25 @@ impl World {
         None
     }
 
+    /// As [`intersect`](Self::intersect), of a ray of the camera: lights that it does not see are passed through as well.
+    #[inline(always)]
+    pub(super) fn intersect_seen(&self, origin: Vec3, direction: Vec3, rays: &mut u64) -> Option<SurfacePoint> {
+        let point = self.intersect(origin, direction, rays)?;
+        if self.lights.all_are_seen() { Some(point) } else { self.past_unseen(point, direction, rays) }
+    }
+
+    #[cold]
+    fn past_unseen(&self, mut point: SurfacePoint, direction: Vec3, rays: &mut u64) -> Option<SurfacePoint> {
+        for _ in 0..MAX_PASSES {
+            let light = self.scene.mesh.triangles[point.triangle as usize].emitter;
+            if light.is_none_or(|light| self.lights.is_seen(light)) {
+                return Some(point);
+            }
+            point = self.intersect(point.start(direction), direction, rays)?;
+        }
+        None
+    }
+
     /// Transmittance from `origin` to `end`: 1 if unoccluded, that of thin sheets, 0 behind anything else.
     #[inline(always)]
     pub(super) fn transmittance(&self, origin: Vec3, end: End, rays: &mut u64) -> Vec3 {
@@ -200,7 +219,7 @@ impl World {
         let slopes = Slopes::of(edges, steps);
         let texture = |id: TextureId| &self.scene.textures[id.0 as usize];
         slopes.map_or(point.shading_normal, |slopes| match relief {
-            Relief::Normals(id, scale) => slopes.mapped(point.shading_normal, texture(id).sample(point.uv), scale),
+            Relief::Normals(id, scale) => slopes.mapped(point.shading_normal, texture(id).normal(point.uv), scale),
             Relief::Heights(id, scale) => slopes.raised(point.shading_normal, texture(id).slope(point.uv) * scale),
         })
     }

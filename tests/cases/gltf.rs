@@ -57,7 +57,7 @@ pub(super) const CASES: &[Case] = &[
     case("an extension that is required", Refused, required_extension),
     case("several scenes of which none is said to be shown", Warned, many_scenes),
     case("nodes without a scene", Warned, no_scene),
-    case("a camera without a field of view", Warned, blind_camera),
+    case("a camera without a field of view, an orthographic one without a size", Warned, blind_camera),
     case("glTF 1", Refused, first_version),
 ];
 

@@ -3,8 +3,8 @@
 use std::f32::consts::PI;
 use std::path::Path;
 
-use glam::Vec2;
-use ltm::scene::{FloatTexture, LoadedScene, Material, Paint, Relief, Surface};
+use glam::{Vec2, Vec3};
+use ltm::scene::{FloatTexture, LoadedScene, Material, Paint, Placing, Relief, Surface};
 
 use super::Outcome::{Converted, Read, Warned};
 use super::room::{FACES, Folder, MATERIALS, VERTICES, seen};
@@ -25,8 +25,11 @@ pub(super) const CASES: &[Case] = &[
         outcome: Read,
         test: options,
     },
-    Case { format: "MTL", input: "`-s` and `-o`", outcome: Read, test: placed_maps },
-    Case { format: "MTL", input: "`-clamp on`", outcome: Warned, test: clamped_maps },
+    Case { format: "MTL", input: "`-s` and `-o`, of each map its own", outcome: Read, test: placed_maps },
+    Case { format: "MTL", input: "a map scaled by 0", outcome: Warned, test: flat_maps },
+    Case { format: "MTL", input: "`-clamp on`", outcome: Read, test: clamped_maps },
+    Case { format: "MTL", input: "`map_Ks` and `map_Ns`", outcome: Read, test: maps_of_gloss },
+    Case { format: "MTL", input: "Blender: a map of roughness as `map_Ns`", outcome: Converted, test: roughness_as_ns },
     Case {
         format: "MTL",
         input: "images with blanks, `#` or quotation marks in their names",
@@ -205,6 +208,73 @@ fn placed_maps() {
         loaded.scene.mesh.vertices[..4].iter().map(|vertex| vertex.uv.to_array()).collect();
     corners.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
     assert_eq!(corners, [[0.5, 0.25], [0.5, 2.25], [4.5, 0.25], [4.5, 2.25]]);
+    // Others lie by what is left: where the first map has (u, v) → (4u + 0.5, 2v + 0.25), this one has (2u, −2v + 1).
+    let text =
+        "newmtl grey\nKd 1 1 1\nmap_Kd -s 4 2 1 -o 0.5 0.25 0 wood.png\nillum 1\nbump -s 2 -2 1 -o 0 1 0 wood.png\n";
+    let loaded = textured(text).loads(&[]);
+    let Some(Relief::Heights(id, _)) = material(&loaded, "grey").relief else { panic!("no heights") };
+    let Placing { scale, offset, is_clamped } = loaded.scene.textures[id.0 as usize].placing;
+    let (u, v) = (0.3, 0.8);
+    let found = Vec2::new(4.0 * u + 0.5, 2.0 * v + 0.25) * scale + offset;
+    assert!((found - Vec2::new(2.0 * u, -2.0 * v + 1.0)).length() < 1e-6 && !is_clamped, "{found}");
+}
+
+fn flat_maps() {
+    textured("newmtl grey\nKd 1 1 1\nmap_Kd -s 0 0 0 wood.png\n").shows(1.0057, &["'grey'", "scaled by 0"]);
+}
+
+/// What a coat, a mirror or a metal reflects at normal incidence, and its roughness.
+fn gloss(loaded: &LoadedScene) -> (Vec3, f32) {
+    let at = Vec2::splat(0.5);
+    let textures = &loaded.scene.textures;
+    match material(loaded, "grey").surface {
+        Surface::Principled(found) => {
+            let paint = if found.metallic.at(textures, at) == 1.0 { found.base } else { found.specular };
+            (paint.at(textures, at), found.roughness.at(textures, at))
+        }
+        Surface::Mirror { reflectance } => (reflectance.at(textures, at), 0.0),
+        Surface::RoughConductor { specular, alpha } => (specular.at(textures, at), alpha.sqrt()),
+        Surface::Coated { specular, alpha, .. } => (specular, alpha.sqrt()),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn maps_of_gloss() {
+    // 188 of 255 is a colour of 0.5028, and the number 0.7373: 0.7373 of an exponent of 100 is a GGX α of √(2 / 75.73), a roughness of its root.
+    let (colour, number) = (0.502_886_5f32, 188.0f32 / 255.0);
+    let rough = |exponent: f32| (2.0 / (exponent * number + 2.0)).powf(0.25);
+    let base = "newmtl grey\nKd 0.25 0.25 0.25\n";
+    for (text, specular, roughness) in [
+        // Of a lacquer of index 1.5, 4 %, times Ks and its map.
+        ("Ks 0.5 0.5 0.5\nNs 100\nmap_Ks wood.png\n", 0.04 * 0.5 * colour, (2.0f32 / 102.0).powf(0.25)),
+        ("Ks 0.5 0.5 0.5\nNs 100\nmap_Ns wood.png\n", 0.04 * 0.5, rough(100.0)),
+        ("Ks 0 0 0\nNs 100\nmap_Ks wood.png\nmap_Ns wood.png\n", 0.04 * colour, rough(100.0)),
+        ("map_Ks wood.png\nmap_Ns wood.png\n", 0.04 * colour, rough(1000.0)),
+        ("illum 3\nKs 0.2 0.2 0.2\nNs 100\nmap_Ks wood.png\n", 0.2 * colour, (2.0f32 / 102.0).powf(0.25)),
+        // Mirrors and metals.
+        ("illum 3\nKs 0.8 0.8 0.8\nmap_Ks wood.png\n", 0.8 * colour, 0.0),
+        ("illum 3\nKs 0.8 0.8 0.8\nNs 100\nmap_Ks wood.png\nmap_Ns wood.png\n", 0.8 * colour, rough(100.0)),
+        ("illum 3\nKs 0.8 0.8 0.8\nNs 1000\nmap_Ns wood.png\n", 0.8, rough(1000.0)),
+    ] {
+        let (found, alpha) = gloss(&textured(&format!("{base}{text}")).loads(&[]));
+        // Roughness has eight bits.
+        assert!((found - Vec3::splat(specular)).abs().max_element() < 1e-3 * specular, "{text}: {found} {specular}");
+        assert!((alpha - roughness).abs() < 0.5 / 255.0 + 1e-6, "{text}: {alpha} {roughness}");
+    }
+    // Where nothing shines, and where Pr or Pm say what does, they are not used; nor is a map that is missing.
+    let loaded = textured(&format!("{base}illum 1\nmap_Ks wood.png\nmap_Ns wood.png\n")).loads(&[]);
+    assert!(matches!(material(&loaded, "grey").surface, Surface::Lambert { .. }));
+    let loaded = textured(&format!("{base}Pr 0.5\nmap_Ks wood.png\n")).loads(&[]);
+    assert!(matches!(material(&loaded, "grey").surface, Surface::Coated { .. }));
+    let text = format!("{base}illum 2\nmap_Ns none.png\n");
+    let loaded = textured(&text).loads(&["1 textures of roughness", "none.png"]);
+    assert!(matches!(material(&loaded, "grey").surface, Surface::Lambert { .. }));
+}
+
+fn roughness_as_ns() {
+    let text = "# Blender 4.2.0 MTL File: 'a.blend'\nnewmtl grey\nKs 0.5 0.5 0.5\nNs 100\nmap_Ns wood.png\n";
+    let (_, roughness) = gloss(&textured(text).loads(&[]));
+    assert!((roughness - 188.0 / 255.0).abs() < 1e-6, "{roughness}");
 }
 
 fn maps_of_numbers() {
@@ -239,7 +309,18 @@ fn opacity_by_map() {
 }
 
 fn clamped_maps() {
-    textured("newmtl grey\nKd 1 1 1\nmap_Kd -clamp on wood.png\n").shows(1.0057, &["'grey'", "-clamp", "repeated"]);
+    let loaded = textured("newmtl grey\nKd 1 1 1\nillum 1\nmap_Kd -s 2 2 2 -clamp on ramp.png\n");
+    let ramp: Vec<u8> = (0..4).flat_map(|x| [60 * x; 3]).collect();
+    image::RgbImage::from_raw(4, 1, ramp)
+        .expect("four pixels")
+        .save(loaded.path("ramp.png"))
+        .expect("a temporary image");
+    let loaded = loaded.loads(&[]);
+    let Surface::Lambert { reflectance } = material(&loaded, "grey").surface else { panic!("no image") };
+    let at = |u: f32| reflectance.at(&loaded.scene.textures, Vec2::new(u, 0.5)).x;
+    // Beyond its edges the last texels go on; the first and the last do not mix there.
+    assert_eq!((at(-0.7), at(0.0), at(1.0), at(1.6)), (at(0.125), at(0.125), at(0.875), at(0.875)));
+    assert!(at(0.125) == 0.0 && at(0.875) > 0.4, "{} {}", at(0.125), at(0.875));
 }
 
 fn names_of_images() {

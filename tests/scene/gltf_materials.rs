@@ -60,7 +60,8 @@ fn materials_become_surfaces() {
     else {
         panic!("not layered")
     };
-    near(clear.specular, [0.04; 3]);
+    let Paint::Constant(specular) = clear.specular else { panic!("a texture") };
+    near(specular, [0.04; 3]);
     assert_eq!((clear.coat, clear.roughness), ((0.5, 0.2), FloatTexture::Constant(0.5)));
     let glass = |volume: Value| {
         let mut extensions =

@@ -77,7 +77,7 @@ fn mean_under_a_sky(path: &Path) -> ltm::Result<f64> {
         camera.eye.to_array(),
         camera.forward.to_array(),
         camera.up.to_array(),
-        camera.vertical_fov_radians.to_degrees(),
+        camera.vertical_fov_radians().unwrap_or(1.0).to_degrees(),
     );
     std::fs::write(&scene, text).unwrap();
     let options = LoadOptions { allow_missing: true, allow_outside: true, ..Default::default() };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{BlockSource, CHANNELS, TracedBlock};
-use ltm::scene::{Camera, Emitter, EnvironmentEmitter, IesProfile, Paint, PointEmitter, Scene, Surface};
+use ltm::scene::{Camera, Emitter, EnvironmentEmitter, IesProfile, Paint, PointEmitter, Projection, Scene, Surface};
 use ltm::trace::{Tracer, TracerMemory};
 
 use crate::scenes::{Builder, blocks, camera, lambert, mean, renders, settings, tracer};
@@ -355,7 +355,7 @@ fn the_noise_of_photons_is_stated() {
         LightKind::Point,
         16,
     );
-    scene.camera.vertical_fov_radians = 1.0;
+    scene.camera.projection = Projection::Perspective { vertical_fov_radians: 1.0 };
     let renders: Vec<_> = renders(tracer(scene, settings(1, 3)), settings(16, 3), 0..24).collect();
     let (mut stated, mut shown) = (0.0, 0.0);
     for (block, first) in renders[0].iter().enumerate() {

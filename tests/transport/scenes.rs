@@ -20,18 +20,9 @@ pub(crate) struct Builder {
 
 /// A camera of `side × side` pixels.
 pub(crate) fn camera(eye: Vec3, target: Vec3, fov_degrees: f32, side: u32) -> Camera {
-    let forward = (target - eye).normalize();
-    let right = forward.cross(if forward.y.abs() > 0.9 { Vec3::Z } else { Vec3::Y }).normalize();
-    Camera {
-        eye,
-        forward,
-        right,
-        up: right.cross(forward),
-        vertical_fov_radians: fov_degrees.to_radians(),
-        width: side,
-        height: side,
-        filter: PixelFilter::Box,
-    }
+    let direction = target - eye;
+    let up = if direction.normalize().y.abs() > 0.9 { Vec3::Z } else { Vec3::Y };
+    Camera::looking(eye, direction, up, fov_degrees.to_radians(), (side, side), PixelFilter::Box).unwrap()
 }
 
 /// A white or grey diffuse surface.
@@ -49,6 +40,7 @@ impl Builder {
             textures: Vec::new(),
             camera,
             emitters: Vec::new(),
+            unseen_lights: Vec::new(),
             basis: LightBasis::new(),
             metres_per_unit: 1.0,
         };
@@ -159,6 +151,11 @@ impl Builder {
     /// A light that is no geometry.
     pub(crate) fn bodiless(&mut self, name: &str, kind: LightKind, emitter: Emitter) {
         self.light(name, kind, emitter);
+    }
+
+    /// Hides the last light from the camera.
+    pub(crate) fn unseen(&mut self) {
+        self.scene.unseen_lights.push(self.scene.emitters.len() as u32 - 1);
     }
 
     pub(crate) fn build(self) -> Scene {

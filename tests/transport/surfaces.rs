@@ -6,8 +6,8 @@ use glam::Vec3;
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::ColumnIndex;
 use ltm::scene::{
-    Emitter, EnvironmentEmitter, FloatTexture, Paint, PointEmitter, PrincipledSurface, Relief, Scene, Surface, Texels,
-    Texture, TextureId,
+    Emitter, EnvironmentEmitter, FloatTexture, Paint, Placing, PointEmitter, PrincipledSurface, Relief, Scene, Surface,
+    Texels, Texture, TextureId,
 };
 use ltm::trace::bsdf::{Bsdf, RoughDielectric, RoughSheet, Translucent};
 
@@ -35,7 +35,7 @@ fn sky(builder: &mut Builder) {
 
 /// A texture of one texel.
 fn texel(values: [f32; 4]) -> Texture {
-    Texture { name: "texel".into(), width: 1, height: 1, texels: Texels::Floats(vec![values]) }
+    Texture { name: "texel".into(), width: 1, height: 1, texels: Texels::Floats(vec![values]), placing: Placing::PLAIN }
 }
 
 /// Mean of the image of 8 × 8 pixels.
@@ -166,8 +166,13 @@ fn normals_of_a_map_shade_as_a_leaning_wall() {
         assert!((0.0..=1.001).contains(&found), "{found}");
     }
     // A ramp of three quarters of the width for each width leans as 3 : 4. The middle of the picture is on the ramp.
-    let ramp =
-        Texture { name: "ramp".into(), width: 2, height: 1, texels: Texels::Floats(vec![[0.25; 4], [0.625; 4]]) };
+    let ramp = Texture {
+        name: "ramp".into(),
+        width: 2,
+        height: 1,
+        texels: Texels::Floats(vec![[0.25; 4], [0.625; 4]]),
+        placing: Placing::PLAIN,
+    };
     let found = with(Some((Relief::Heights(TextureId(0), -1.0), ramp)));
     assert!((found - 1.0).abs() < 1e-3, "{found}");
 }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::scene::{
-    AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, PointEmitter, Scene, Surface, Texels, Texture,
+    AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, Placing, PointEmitter, Scene, Surface, Texels, Texture,
     TextureId,
 };
 use ltm::trace::TraceSettings;
@@ -13,7 +13,13 @@ use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
 
 /// A texture of 2 × 1 texels, left and right.
 fn halves(left: [f32; 4], right: [f32; 4]) -> Texture {
-    Texture { name: "halves".into(), width: 2, height: 1, texels: Texels::Floats(vec![left, right]) }
+    Texture {
+        name: "halves".into(),
+        width: 2,
+        height: 1,
+        texels: Texels::Floats(vec![left, right]),
+        placing: Placing::PLAIN,
+    }
 }
 
 /// All columns of every pixel, `[channel][y][x]`, of an image of 8 × 8.

@@ -35,12 +35,11 @@ def renders(thing, view_layer):
 
 def collect(context, texels, remarks):
     """All lamps of the scene. `texels` is how many an area light has along its longer side."""
-    lamps, soft = [], 0
+    lamps = []
     for thing in context.view_layer.objects:
         if thing.type != "LIGHT" or not renders(thing, context.view_layer):
             continue
         lamps.append(lamp(thing, thing.matrix_world, thing.name, texels, remarks))
-        soft += thing.data.type in {"POINT", "SPOT"} and thing.data.shadow_soft_size > 0.0
     counts = {}
     for instance in context.evaluated_depsgraph_get().object_instances:
         if instance.is_instance and instance.object.type == "LIGHT" and not instance.object.hide_render:
@@ -48,8 +47,9 @@ def collect(context, texels, remarks):
             counts[original.name] = counts.get(original.name, 1) + 1
             name = f"{original.name} {counts[original.name]}"
             lamps.append(lamp(original, instance.matrix_world.copy(), name, texels, remarks))
-    if soft:
-        remarks.append(f"{soft} points and spots have a radius, which is not traced: their shadows are hard")
+    seen = sum(lamp.object.visible_camera and lamp.object.data.type in {"POINT", "SPOT"} for lamp in lamps)
+    if seen:
+        remarks.append(f"{seen} points and spots are set to be seen by the camera, which they never are here")
     return lamps
 
 
@@ -88,11 +88,15 @@ def lamp(thing, matrix, name, texels, remarks):
             entry["texels"] = cut(across.length, along.length, light.ltm.texels or texels)
     else:
         entry = {"kind": "point", "position": position}
+        if light.shadow_soft_size > 0.0:
+            entry["radius"] = light.shadow_soft_size
         per_watt *= units.intensity_per_watt()
         if light.type == "SPOT":
             inner = degrees(acos(min(1.0, units.full_light(light.spot_size / 2, light.spot_blend))))
             outer = degrees(light.spot_size / 2)
             entry.update(kind="spot", direction=down, outer_degrees=outer, inner_degrees=min(inner, outer))
+    if light.type in {"SUN", "AREA"} and not thing.visible_camera:
+        entry["camera"] = False
     entry["emission"] = [per_watt * light.energy * c for c in tint(light)]
     return Lamp(thing, name, {"name": name, **entry}, per_watt, polygon)
 

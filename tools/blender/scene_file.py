@@ -2,17 +2,12 @@
 """The open scene as the files that ltm renders: GLB, scene file, look with the light groups."""
 
 from dataclasses import dataclass
-from math import atan, degrees
 from pathlib import Path
 
 import bpy
-from mathutils import Vector
 
-from . import glb, lamps, toml_text, units, weights, world
-
-
-class NotExported(Exception):
-    """Why a scene cannot be written, in one line."""
+from . import cameras, glb, lamps, toml_text, weights, world
+from .not_exported import NotExported
 
 
 @dataclass
@@ -61,14 +56,18 @@ def write(context):
 
 def _write(context, where, name, remarks):
     scene = context.scene
-    camera = camera_entry(scene, remarks)
+    camera = cameras.entry(scene, remarks)
     surfaces = where / f"{name}.glb"
     glb.write(surfaces)
     if not glb.has_surfaces(surfaces):
         raise NotExported("the scene has no surfaces to render: add a mesh")
     geometry = [surfaces.name]
     materials = [{**entry, "match": toml_text.pattern(entry["match"])} for entry in glb.glass(surfaces)]
-    lights = [emitter(shining) for shining in glb.shining(surfaces)]
+    lights = [emitter(shining, scene) for shining in glb.shining(surfaces)]
+    unseen = [thing.name for thing in scene.objects if thing.type == "MESH" and not (thing.hide_render or thing.visible_camera)]
+    unlit = [name for name in unseen if all(light["object"] != toml_text.pattern(name) for light in lights)]
+    if unlit:
+        remarks.append(f"{len(unlit)} objects that the camera does not see are seen here, as they are no lights: {unlit[0]}")
     found = lamps.collect(context, scene.ltm.texels, remarks)
     discs = [lamp for lamp in found if lamp.polygon]
     if discs:
@@ -96,11 +95,15 @@ def _write(context, where, name, remarks):
     return Written(file, groups, [entry["name"] for entry in lights], remarks)
 
 
-def emitter(shining):
+def emitter(shining, scene):
     """The entry of a node's surfaces that shine."""
     side = "both" if shining.two_sided else "front"
     object_, material = toml_text.pattern(shining.object), toml_text.pattern(shining.material)
-    return {"name": shining.name, "object": object_, "material": material, "side": side}
+    entry = {"name": shining.name, "object": object_, "material": material, "side": side}
+    thing = scene.objects.get(shining.object)
+    if thing is not None and not thing.visible_camera:
+        entry["camera"] = False
+    return entry
 
 
 def rename_doubles(lights):
@@ -108,38 +111,6 @@ def rename_doubles(lights):
     names = {}
     for entry in lights:
         entry["name"] = glb.unique(names, entry["name"])
-
-
-def camera_entry(scene, remarks):
-    """`[camera]` of the scene's camera."""
-    camera = scene.camera
-    if camera is None:
-        raise NotExported("the scene has no camera: add one (Ctrl+Numpad 0 makes the selected one the scene's)")
-    if camera.data.type != "PERSP":
-        raise NotExported(f"the camera '{camera.name}' is no perspective one, which alone is traced")
-    corners = camera.data.view_frame(scene=scene)
-    top, bottom = max(c.y for c in corners), min(c.y for c in corners)
-    left, right = min(c.x for c in corners), max(c.x for c in corners)
-    if abs(top + bottom) + abs(left + right) > 1e-5 * (top - bottom):
-        remarks.append("the shift of the lens is not used: the camera looks straight ahead")
-    if camera.data.dof.use_dof:
-        remarks.append("depth of field is not used: everything is in focus")
-    render = scene.render
-    if abs(render.pixel_aspect_x - render.pixel_aspect_y) > 1e-6:
-        remarks.append("the pixels are taken as square")
-    if render.use_border:
-        remarks.append("the render region is not used: the whole image is rendered")
-    turn = camera.matrix_world.to_3x3()
-    size = (render.resolution_x, render.resolution_y)
-    width, height = (max(1, side * render.resolution_percentage // 100) for side in size)
-    return {
-        "eye": units.finite(units.axes(camera.matrix_world.translation)),
-        "direction": units.finite(units.axes(turn @ Vector((0, 0, -1)))),
-        "up": units.finite(units.axes(turn @ Vector((0, 1, 0)))),
-        "vertical_fov_degrees": 2 * degrees(atan((top - bottom) / 2 / abs(corners[0].z))),
-        "width": width,
-        "height": height,
-    }
 
 
 def discs_obj(discs):

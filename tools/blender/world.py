@@ -18,6 +18,10 @@ def entry(scene, texels, file, remarks):
     if scene.world is None:
         return None
     common = {"name": "World", "kind": "environment", "texels": [texels, max(1, texels // 2)]}
+    # Cycles' part of the world; without Cycles every world is seen.
+    visibility = getattr(scene.world, "cycles_visibility", None)
+    if visibility is not None and not visibility.camera:
+        common["camera"] = False
     even = even_colour(scene.world)
     if even is not None:
         return {**common, "emission": units.finite(even)} if any(even) else None

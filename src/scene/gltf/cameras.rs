@@ -4,16 +4,16 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::super::{Camera, Mesh, PixelFilter};
+use super::super::{Camera, Mesh, PixelFilter, Projection};
 use super::nodes::Placed;
 use super::plain;
-use super::tree::JsonTree;
+use super::tree::{JsonItem, JsonTree};
 use crate::error::{Result, Warnings};
 
 /// Pixels along the height of an image whose size nobody states.
 const USUAL_HEIGHT: u32 = 480;
 
-/// A perspective camera.
+/// A camera.
 #[derive(Clone, Debug)]
 pub(in super::super) struct FileCamera {
     /// Name of its node.
@@ -23,11 +23,11 @@ pub(in super::super) struct FileCamera {
     eye: DVec3,
     forward: Vec3,
     up: Vec3,
-    vertical_fov_radians: f32,
+    projection: Projection,
     width_over_height: f32,
 }
 
-/// The perspective cameras of the nodes. A camera is what it has, whatever type it states.
+/// The cameras of the nodes. A camera is what it has, whatever type it states.
 pub(super) fn of(
     path: &Path,
     tree: &JsonTree,
@@ -38,12 +38,9 @@ pub(super) fn of(
     for placed in nodes {
         let Some(index) = placed.node.index("camera", "cameras")? else { continue };
         let camera = tree.item("cameras", index)?;
-        let perspective = camera.object("perspective").ok().flatten();
-        let lens =
-            perspective.and_then(|p| Some((p.number("yfov").ok().flatten()?, p.number("aspectRatio").ok().flatten())));
-        let Some((vertical_fov_radians, aspect)) = lens else {
+        let Some((projection, width_over_height)) = perspective(&camera).or_else(|| orthographic(&camera)) else {
             let problem = match camera.has("orthographic") {
-                true => "is orthographic, which is not traced; it is left out",
+                true => "states no size of what it sees; it is left out",
                 false => "states no field of view; it is left out",
             };
             warnings.push(format!("{}: the camera '{}' {problem}", path.display(), placed.name));
@@ -56,11 +53,27 @@ pub(super) fn of(
             eye: placed.world.w_axis.truncate(),
             forward: (-axes.z_axis).normalize_or_zero().as_vec3(),
             up: axes.y_axis.normalize_or_zero().as_vec3(),
-            vertical_fov_radians,
-            width_over_height: aspect.filter(|a| *a > 0.0 && a.is_finite()).unwrap_or(4.0 / 3.0),
+            projection,
+            width_over_height,
         });
     }
     Ok(cameras)
+}
+
+/// A perspective projection and the shape of the image.
+fn perspective(camera: &JsonItem<'_>) -> Option<(Projection, f32)> {
+    let lens = camera.object("perspective").ok().flatten()?;
+    let vertical_fov_radians = lens.number("yfov").ok().flatten()?;
+    let aspect = lens.number("aspectRatio").ok().flatten().filter(|a| *a > 0.0 && a.is_finite());
+    Some((Projection::Perspective { vertical_fov_radians }, aspect.unwrap_or(4.0 / 3.0)))
+}
+
+/// Likewise an orthographic one, of which the file states half the width and half the height.
+fn orthographic(camera: &JsonItem<'_>) -> Option<(Projection, f32)> {
+    let lens = camera.object("orthographic").ok().flatten()?;
+    let half = |key: &str| lens.number(key).ok().flatten().map(f32::abs).filter(|m| *m > 0.0 && m.is_finite());
+    let (across, up) = (half("xmag")?, half("ymag")?);
+    Some((Projection::Orthographic { height: 2.0 * up }, across / up))
 }
 
 impl FileCamera {
@@ -68,14 +81,8 @@ impl FileCamera {
     pub(in super::super) fn camera(&self, origin: DVec3) -> Result<Camera> {
         let width = (USUAL_HEIGHT as f32 * self.width_over_height).round().clamp(1.0, 16_384.0) as u32;
         let size = (width, USUAL_HEIGHT);
-        Camera::looking(
-            (self.eye - origin).as_vec3(),
-            self.forward,
-            self.up,
-            self.vertical_fov_radians,
-            size,
-            PixelFilter::Box,
-        )
+        let eye = (self.eye - origin).as_vec3();
+        Camera::looking(eye, self.forward, self.up, 1.0, size, PixelFilter::Box)?.projected(self.projection)
     }
 }
 

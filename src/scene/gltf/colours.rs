@@ -6,7 +6,7 @@
 use glam::{Vec2, Vec3};
 
 use super::super::obj::ObjPart;
-use super::super::{Texels, Texture};
+use super::super::{Placing, Texels, Texture};
 use super::accessors::Accessor;
 use super::buffers::Buffers;
 use crate::error::Result;
@@ -57,7 +57,8 @@ pub(super) fn paint(part: &mut ObjPart, colours: &[Vec3], name: String) -> Textu
         part.uvs.extend([middle(0, 0), middle(1, 0), middle(0, 1)]);
     }
     part.triangles = (0..count as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Texture { name, width: width as u32, height: height as u32, texels: Texels::Floats(texels) }
+    let (width, height) = (width as u32, height as u32);
+    Texture { name, width, height, texels: Texels::Floats(texels), placing: Placing::PLAIN }
 }
 
 #[cfg(test)]

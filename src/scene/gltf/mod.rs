@@ -31,7 +31,7 @@ use crate::error::{Result, Warnings};
 /// What a file has beside its geometry and its materials.
 #[derive(Debug, Default)]
 pub(super) struct FileExtras {
-    /// Perspective cameras, in the order of the nodes.
+    /// Cameras, in the order of the nodes.
     pub(super) cameras: Vec<FileCamera>,
     /// Its lamps, in the form of scene file entries.
     pub(super) lamps: Vec<LightEntry>,

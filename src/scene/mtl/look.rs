@@ -224,9 +224,14 @@ fn alpha_of_shininess(exponent: f32) -> f32 {
     (2.0 / (exponent.max(0.0) + 2.0)).sqrt()
 }
 
+/// Perceptual roughness, the root of that α.
+pub(in super::super) fn roughness_of_shininess(exponent: f32) -> f32 {
+    alpha_of_shininess(exponent).min(1.0).sqrt()
+}
+
 /// The mapping of the fields but `d` and `Tr`.
 fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
-    let specular = source.specular.unwrap_or(Vec3::ZERO);
+    let specular = source.specular_factor();
     let diffuse = source.diffuse.unwrap_or(Vec3::ZERO);
     let ior = source.ior.filter(|ior| IORS.contains(ior)).unwrap_or(USUAL_IOR);
     let coat_ior = if ior > 1.0 + NO_REFRACTION { ior } else { USUAL_IOR };
@@ -234,7 +239,7 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
         kind: SurfaceEntry::Lambert,
         reflectance: None,
         specular: Vec3::splat(normal_reflectance(coat_ior)),
-        alpha: source.shininess.map_or(0.25, alpha_of_shininess),
+        alpha: source.shininess_factor().map_or(0.25, alpha_of_shininess),
         ior,
         transmittance: source.transmission.unwrap_or(Vec3::ONE),
         is_pbr: false,
@@ -243,7 +248,7 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
         4 | 6 | 7 | 9 if (ior - 1.0).abs() > NO_REFRACTION => look.kind = SurfaceEntry::Dielectric,
         4 | 6 | 7 | 9 => {
             look.kind = SurfaceEntry::ThinDielectric;
-            look.be_sheet(specular);
+            look.be_sheet(source.specular.unwrap_or(Vec3::ZERO));
         }
         _ if source.is_pbr() => {
             look.alpha = source.roughness.unwrap_or(0.5).clamp(0.0, 1.0).powi(2);
@@ -253,7 +258,7 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
         }
         3 | 5 | 8 if specular.max_element() > 0.0 && specular.max_element() >= diffuse.max_element() => {
             look.reflectance = Some(specular);
-            let perfect = source.shininess.is_none_or(|n| n >= MIRROR_SHININESS);
+            let perfect = source.shininess_factor().is_none_or(|n| n >= MIRROR_SHININESS);
             look.kind = if perfect { SurfaceEntry::Mirror } else { SurfaceEntry::RoughConductor };
         }
         3 | 5 | 8 if specular.max_element() > 0.0 => {
@@ -262,7 +267,7 @@ fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
         }
         // A Phong highlight is a look, not a reflectance: Ks scales what a lacquer of index Ni reflects, so that the
         // `Ks 1 1 1` of many exporters becomes lacquer and not chrome.
-        2 if specular.max_element() > 0.0 && source.shininess.is_none_or(|n| n > 1.0) => {
+        2 if specular.max_element() > 0.0 && source.shininess_factor().is_none_or(|n| n > 1.0) => {
             look.kind = SurfaceEntry::Coated;
             look.specular = specular.min(Vec3::ONE) * normal_reflectance(coat_ior);
         }

@@ -15,7 +15,7 @@ pub(in super::super) struct MtlMap {
     pub(in super::super) offset: Vec2,
     /// Factor of what it raises (`-bm`).
     pub(in super::super) raised: f32,
-    /// Whether it is stated to end at its edges, which is not done here.
+    /// Whether it ends at its edges (`-clamp on`).
     pub(in super::super) is_clamped: bool,
 }
 

@@ -12,10 +12,11 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::Placing;
 use super::lines::{LineError, Lines, text_of, without_comment};
 use crate::error::{Error, Result, Warnings};
 pub(super) use dialect::Writer;
-pub(super) use look::{MtlLook, ShownLook, Through, look_of};
+pub(super) use look::{MtlLook, ShownLook, Through, look_of, roughness_of_shininess};
 pub(super) use maps::MtlMap;
 pub(super) use shape::{MaterialShape, SHAPE_BYTES, shape_of};
 
@@ -42,6 +43,10 @@ pub(super) struct MtlMaterial {
     pub(super) roughness_map: Option<MtlMap>,
     /// `map_Pm`.
     pub(super) metallic_map: Option<MtlMap>,
+    /// `map_Ks`.
+    pub(super) specular_map: Option<MtlMap>,
+    /// `map_Ns`.
+    pub(super) shininess_map: Option<MtlMap>,
     /// `norm`.
     pub(super) normal_map: Option<MtlMap>,
     /// `map_Bump` or `bump`: heights, or normals in blue, as many programs write them.
@@ -58,7 +63,7 @@ struct LeftOut {
 }
 
 /// Statements that are read. Their names are written in any case.
-const KEYS: [&str; 20] = [
+const KEYS: [&str; 22] = [
     "Kd",
     "Ks",
     "Ke",
@@ -76,6 +81,8 @@ const KEYS: [&str; 20] = [
     "map_opacity",
     "map_Pr",
     "map_Pm",
+    "map_Ks",
+    "map_Ns",
     "map_Bump",
     "bump",
     "norm",
@@ -163,8 +170,32 @@ impl MtlMaterial {
             &self.metallic_map,
             &self.normal_map,
             &self.bump_map,
+            &self.specular_map,
+            &self.shininess_map,
         ];
         maps.into_iter().flatten()
+    }
+
+    /// How a map lies beside the first, whose place the texture coordinates have taken.
+    pub(super) fn placing(&self, map: &MtlMap) -> Placing {
+        let first = self.maps().next().unwrap_or(map);
+        let scale = map.scale / first.scale;
+        let (scale, offset) = (scale, map.offset - first.offset * scale);
+        // One that is scaled by 0 has no place for others.
+        let is_placed = scale.is_finite() && offset.is_finite() && scale.x != 0.0 && scale.y != 0.0;
+        let (scale, offset) = if is_placed { (scale, offset) } else { (Placing::PLAIN.scale, Placing::PLAIN.offset) };
+        Placing { scale, offset, is_clamped: map.is_clamped }
+    }
+
+    /// What `Ks` says, or what its map is times: 1 where `Ks` is 0 or not stated.
+    pub(super) fn specular_factor(&self) -> Vec3 {
+        let stated = self.specular.unwrap_or(Vec3::ZERO);
+        if self.specular_map.is_some() && stated == Vec3::ZERO { Vec3::ONE } else { stated }
+    }
+
+    /// What `Ns` says, or what its map is times: none, which is the most, where `Ns` is 0.
+    pub(super) fn shininess_factor(&self) -> Option<f32> {
+        self.shininess.filter(|ns| self.shininess_map.is_none() || *ns > 0.0)
     }
 
     /// Whether a statement of physically based materials says what it is: of its roughness or of its metal.
@@ -212,6 +243,8 @@ impl MtlMaterial {
                     "map_Ke" => &mut self.emission_map,
                     "map_Pr" => &mut self.roughness_map,
                     "map_Pm" => &mut self.metallic_map,
+                    "map_Ks" => &mut self.specular_map,
+                    "map_Ns" => &mut self.shininess_map,
                     "norm" => &mut self.normal_map,
                     "map_Bump" | "bump" => &mut self.bump_map,
                     _ => &mut self.dissolve_map,

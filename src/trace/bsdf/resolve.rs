@@ -56,7 +56,8 @@ impl Bsdf {
         }
         // Of what is no glass.
         let metal = (metal / (1.0 - glass)).min(1.0);
-        let mixed = Coated::mixed(base, surface.specular, metal, alpha);
+        let specular = surface.specular.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
+        let mixed = Coated::mixed(base, specular, metal, alpha);
         let through = at(surface.translucency);
         if through > 0.0 {
             let colour = surface.translucent.at(textures, uv).clamp(Vec3::ZERO, Vec3::ONE);
@@ -68,7 +69,7 @@ impl Bsdf {
             let [coat_alpha, sheen_alpha] = [coat.1, sheen.1].map(|roughness| roughness * roughness);
             return Self::Layered(Layered::new(mixed, (coat.0, coat_alpha), (sheen.0, sheen_alpha)));
         }
-        if metal == 0.0 && surface.specular == Vec3::ZERO {
+        if metal == 0.0 && specular == Vec3::ZERO {
             return Self::Lambert(Lambert { reflectance: base });
         }
         mixed.bare_gloss().map_or(Self::Coated(mixed), |gloss| Self::Conductor(Conductor::of(gloss)))

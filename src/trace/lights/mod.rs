@@ -42,6 +42,8 @@ pub(super) struct LightSampler {
     choice: LightChoice,
     /// Lights at infinity, which rays that leave the scene may hit.
     distant: Vec<u32>,
+    /// Lights that the camera does not see, ascending.
+    unseen: Vec<u32>,
 }
 
 /// A surface that light falls on.
@@ -123,7 +125,21 @@ impl LightSampler {
         };
         let distant = (0..sources.len() as u32).filter(|&i| is_distant(&sources[i as usize].0)).collect();
         let choice = LightChoice::new(scene, &sources);
-        Ok(Self { sources, choice, distant })
+        let mut unseen = scene.unseen_lights.clone();
+        unseen.sort_unstable();
+        Ok(Self { sources, choice, distant, unseen })
+    }
+
+    /// Whether the camera sees a light.
+    #[inline(always)]
+    pub(super) fn is_seen(&self, source: u32) -> bool {
+        self.unseen.binary_search(&source).is_err()
+    }
+
+    /// Whether the camera sees every light.
+    #[inline(always)]
+    pub(super) fn all_are_seen(&self) -> bool {
+        self.unseen.is_empty()
     }
 
     /// The probabilities of all lights at a surface.
@@ -332,6 +348,7 @@ mod tests {
             textures,
             camera,
             emitters,
+            unseen_lights: Vec::new(),
             basis,
             metres_per_unit,
         })

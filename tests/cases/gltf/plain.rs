@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_SQRT_2, PI};
 
 use glam::Vec3;
 use ltm::matrix::{MatrixShape, TracedBlock};
-use ltm::scene::{LoadedScene, Scene, load};
+use ltm::scene::{LoadedScene, Projection, Scene, load};
 use ltm::trace::{TraceSettings, Tracer};
 use serde_json::{Value, json};
 
@@ -175,6 +175,6 @@ pub(super) fn bytes_of(hex: &str) -> Vec<u8> {
 
 /// With a camera that sees the floor's middle alone.
 pub(super) fn narrowed(mut scene: Scene) -> Scene {
-    scene.camera.vertical_fov_radians = 0.002;
+    scene.camera.projection = Projection::Perspective { vertical_fov_radians: 0.002 };
     scene
 }

@@ -30,8 +30,8 @@ def near(found, wanted, tolerance=1e-4):
 def test_lamps_are_written_in_radiometric_units(scene, tmp_path):
     """The worked numbers of README.md."""
     scene.world = None
-    room.lamp("POINT", "bulb", (1, 2, 3), energy=100, color=RED)
-    room.lamp("SPOT", "spot", (0, 0, 3), energy=100, spot_size=pi / 3, spot_blend=0.0)
+    room.lamp("POINT", "bulb", (1, 2, 3), energy=100, color=RED, shadow_soft_size=0.25)
+    room.lamp("SPOT", "spot", (0, 0, 3), energy=100, spot_size=pi / 3, spot_blend=0.0, shadow_soft_size=0)
     room.lamp("SUN", "sun", (0, 0, 3), (0, pi / 2, 0), energy=2, angle=0.1)
     room.lamp("AREA", "panel", (0, 0, 3), energy=100, shape="RECTANGLE", size=2, size_y=1).data.ltm.texels = 8
     room.lamp("AREA", "disc", (0, 0, 2), energy=100, shape="DISK", size=1)
@@ -53,9 +53,24 @@ def test_lamps_are_written_in_radiometric_units(scene, tmp_path):
     # 100 / (π · π/4), and 0.16 % for the corners that the polygon lacks.
     near(lights["disc"]["emission"], [40.5285 * 1.0016] * 3, 1e-2)
     assert (lights["sign"]["object"], lights["sign"]["material"]) == ("sign", "neon")
+    # Lamps are hidden from the camera, unless they are set otherwise; meshes are not.
+    assert (lights["bulb"]["radius"], "radius" in lights["spot"]) == (0.25, False)
+    assert [name for name, light in lights.items() if light.get("camera") is False] == ["sun", "panel", "disc"]
     assert tree["camera"]["width"] == room.WIDTH
     near(tree["camera"]["eye"], [0, 1.5, 7])
     near(tree["camera"]["direction"], [0, 0, -1])
+
+
+def test_ray_visibility_for_the_camera_is_carried_over(scene, tmp_path):
+    panel = room.lamp("AREA", "panel", (0, 0, 3), energy=100, shape="SQUARE", size=1)
+    bulb = room.lamp("POINT", "bulb", (1, 2, 3), energy=100)
+    sign = room.mesh("sign", [(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 1, 2)], room.glowing("neon", (0.5, 1, 1), 4))
+    sky = room.world((0.3, 0.5, 1.0), 0.4)
+    panel.visible_camera = bulb.visible_camera = True
+    sign.visible_camera = sky.cycles_visibility.camera = False
+    assert bpy.ops.ltm.export() == {"FINISHED"}
+    _, lights = exported(tmp_path)
+    assert {name: light.get("camera") for name, light in lights.items()} == {"panel": None, "bulb": None, "sign": False, "World": False}
 
 
 def test_the_whole_way(scene, program, tmp_path):
@@ -156,7 +171,6 @@ def test_luminaires_are_added_and_exported(scene, program, tmp_path):
     ("break_it", "words"),
     [
         (lambda scene: setattr(scene, "camera", None), "no camera"),
-        (lambda scene: setattr(scene.camera.data, "type", "ORTHO"), "no perspective one"),
         (lambda scene: None, "no light"),
         (lambda scene: [bpy.data.objects.remove(o) for o in list(scene.objects) if o.type == "MESH"], "no surfaces"),
         (lambda scene: setattr(scene.ltm, "folder", "/dev/null/ltm"), "/dev/null/ltm"),

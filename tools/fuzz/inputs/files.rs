@@ -73,6 +73,13 @@ metres_per_unit = 1.0
 [camera]
 eye = [0, 1, 4]
 look_at = [0, 1, 0]
+projection = "orthographic"
+view_height = 4
+shift = [0, 0.1]
+pixel_aspect = 1.5
+aperture_radius = 0.05
+focus_distance = 3
+blades = 5
 width = 32
 height = 24
 filter = "tent"

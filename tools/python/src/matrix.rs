@@ -9,7 +9,7 @@ use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, 
 use ltm::pipeline::{Features, PASSES, RelightOptions, passes_need_bytes, relight_passes};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::resources::{budget_bytes, hold_to_memory};
-use ltm::scene::{Camera, in_file, stated_origin};
+use ltm::scene::{Camera, Projection, in_file, stated_origin};
 use ltm::store::StoreReader;
 use ltm::{Error, MatrixFile, Result};
 use numpy::prelude::*;
@@ -294,7 +294,22 @@ impl Native {
             stated.set_item("eye", in_file(origin, camera.eye).to_array())?;
             stated.set_item("direction", camera.forward.to_array())?;
             stated.set_item("up", camera.up.to_array())?;
-            stated.set_item("vertical_fov_degrees", camera.vertical_fov_radians.to_degrees())?;
+            stated.set_item("projection", camera.projection.name())?;
+            match camera.projection {
+                Projection::Perspective { vertical_fov_radians } => {
+                    stated.set_item("vertical_fov_degrees", vertical_fov_radians.to_degrees())?;
+                }
+                Projection::Orthographic { height } => stated.set_item("view_height", height)?,
+                Projection::Panorama => {}
+            }
+            stated.set_item("shift", camera.shift.to_array())?;
+            stated.set_item("pixel_aspect", camera.pixel_aspect)?;
+            if let Some(lens) = camera.lens {
+                stated.set_item("aperture_radius", lens.radius)?;
+                stated.set_item("focus_distance", lens.focus_distance)?;
+                stated.set_item("blades", lens.blades)?;
+                stated.set_item("blade_rotation_degrees", lens.rotation_radians.to_degrees())?;
+            }
             Ok::<_, PyErr>(stated)
         });
         known.set_item("camera", camera.transpose()?)?;

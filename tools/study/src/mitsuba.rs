@@ -107,7 +107,7 @@ fn write_scene(loaded: &LoadedScene, folder: &Path) -> Result<()> {
             "eye": camera.eye.to_array(),
             "target": (camera.eye + camera.forward).to_array(),
             "up": camera.up.to_array(),
-            "vertical_fov_degrees": camera.vertical_fov_radians.to_degrees(),
+            "vertical_fov_degrees": camera.vertical_fov_radians().map(f32::to_degrees),
             "width": camera.width,
             "height": camera.height,
         },

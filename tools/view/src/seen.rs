@@ -8,14 +8,14 @@ use ltm::scene::Camera;
 /// for an environment, which has no centre.
 pub fn position(camera: &Camera, light: &Light) -> Option<[f32; 2]> {
     let middle = light.places.iter().map(|place| Vec3::from(*place)).sum::<Vec3>() / light.places.len().max(1) as f32;
-    let direction = match light.kind {
-        LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Image => return None,
-        LightKind::Sun => middle,
+    let at = match light.kind {
+        LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Image => None,
+        LightKind::Sun => camera.position(middle.try_normalize()?),
         LightKind::Lamp | LightKind::AreaTexels { .. } | LightKind::Point | LightKind::Spot | LightKind::Ies => {
-            middle - camera.eye
+            camera.position_of(middle)
         }
     };
-    camera.position(direction.try_normalize()?).map(|at| at.to_array())
+    at.map(|at| at.to_array())
 }
 
 /// The lights whose middle is seen inside a rectangle of the picture, given by two corners in pixels.

@@ -72,7 +72,7 @@ impl Surfaces {
         let depths = depths.filter_map(|pixel| self.value(feature, pixel)).map(|depth| depth[0]);
         let (near, far) = depths.fold((f32::INFINITY, 0.0), |(near, far): (f32, f32), d| (near.min(d), far.max(d)));
         let colour = |value: [f32; 3]| match feature {
-            Feature::Albedo => value.map(encode_srgb),
+            Feature::Albedo | Feature::PixelAlbedo => value.map(encode_srgb),
             Feature::Normal => value.map(|v| 0.5 + 0.5 * v),
             Feature::Depth => value.map(|depth| 0.1 + 0.9 * (far - depth) / (far - near).max(f32::MIN_POSITIVE)),
             Feature::Emitter | Feature::Specular | Feature::Surface | Feature::Material => value,

@@ -7,7 +7,7 @@ use eframe::egui::{self, Color32, ColorImage, Rect, Sense, TextureOptions, Ui, p
 use super::chooser::Purpose;
 use super::document::Document;
 use super::pattern_editor::{PatternEditorState, Tool, Touch, put};
-use super::seen_lights::camera;
+use super::seen_lights::shows_directions;
 use super::sun_panel::sun_settings;
 use super::theme::{ACCENT, LINE, WEAK};
 use crate::mixer::LightMix;
@@ -22,7 +22,7 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     if head(ui, &mut document.work.mix.lights[index], light) {
         document.files.wanted = Some(Purpose::LightImage(index));
     }
-    let has_camera = camera(&document.session).is_some();
+    let has_camera = shows_directions(&document.session);
     let (editor, own) = (&mut document.editor, &mut document.work.mix.lights[index]);
     tools(ui, editor, own, index, light, has_camera);
     let (across, down) = light.layout();

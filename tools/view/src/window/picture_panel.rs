@@ -6,7 +6,9 @@ use super::comparison::difference_in_words;
 use super::document::Document;
 use super::message::Message;
 use super::meter_overlay::{draw_area, draw_labels};
-use super::seen_lights::{SUN_GRIP, SeenSun, camera, draw_band, draw_suns, move_sun, seen_suns, select_in_picture};
+use super::seen_lights::{
+    SUN_GRIP, SeenSun, draw_band, draw_suns, move_sun, seen_suns, select_in_picture, shows_directions,
+};
 use super::theme::{ACCENT, WEAK};
 use super::view_state::Beside;
 
@@ -126,7 +128,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
 /// The sky that a click in the picture puts the sun into: the selected one, while the sun is its tool.
 fn sky_for_suns(document: &Document) -> Option<usize> {
     let light = document.list.selected().filter(|&light| document.basis().lights()[light].kind.is_environment());
-    light.filter(|_| document.editor.puts_suns() && camera(&document.session).is_some())
+    light.filter(|_| document.editor.puts_suns() && shows_directions(&document.session))
 }
 
 fn suns_of(document: &Document) -> Vec<SeenSun> {

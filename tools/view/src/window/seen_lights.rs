@@ -25,9 +25,14 @@ pub(super) struct SeenSun {
 }
 
 /// The camera that the picture was rendered with.
-pub(super) fn camera(session: &Session) -> Option<Camera> {
+fn camera(session: &Session) -> Option<Camera> {
     let job = session.container.job();
     Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
+}
+
+/// Whether places of the picture say directions: not without a camera, nor with an orthographic one, of which all have the same.
+pub(super) fn shows_directions(session: &Session) -> bool {
+    camera(session).is_some_and(|camera| !camera.is_orthographic())
 }
 
 /// The suns that the camera has before it: that which was `placed` into a sky, and those of the scene.

@@ -252,7 +252,7 @@ fn a_band_in_the_picture_selects_lights() {
     let middle =
         light.places.iter().map(|place| glam::Vec3::from(*place)).sum::<glam::Vec3>() / light.places.len() as f32;
     let camera = &scene.scene.camera;
-    let (eye, size, fov) = (camera.eye, (camera.width, camera.height), camera.vertical_fov_radians);
+    let (eye, size, fov) = (camera.eye, (camera.width, camera.height), camera.vertical_fov_radians().unwrap());
     scene.scene.camera =
         ltm::scene::Camera::looking(eye, middle - eye, glam::Vec3::Y, fov, size, camera.filter).unwrap();
     container::write(&path, scene, 4);

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use ltm::Result;
-use ltm::scene::{LoadOptions, SceneSurvey, in_file, survey};
+use ltm::glam::Vec2;
+use ltm::scene::{Camera, LoadOptions, Projection, SceneSurvey, in_file, survey};
 use ltm_cli::say;
 use ltm_cli::words::in_flags;
 use serde_json::json;
@@ -22,11 +23,10 @@ pub(super) fn run(path: &Path, as_json: bool, allow_outside: bool, memory_bytes:
 
 fn print(path: &Path, found: &SceneSurvey) {
     let (camera, basis) = (&found.scene.camera, &found.scene.basis);
-    let degrees = camera.vertical_fov_radians.to_degrees();
     let [x, y, z] = in_file(found.scene.origin, camera.eye).to_array();
     say!("{}", path.display());
     say!("image        {} × {} pixels", camera.width, camera.height);
-    say!("camera       at {x:.2} {y:.2} {z:.2}, {degrees:.1}° from the lower to the upper edge");
+    say!("camera       at {x:.2} {y:.2} {z:.2}, {}", seen_by(camera));
     if !found.cameras.is_empty() {
         say!("cameras      {}", found.cameras.len());
         found.cameras.iter().take(MAX_LISTED).for_each(|name| say!("  {name}"));
@@ -51,6 +51,28 @@ fn print(path: &Path, found: &SceneSurvey) {
     }
 }
 
+/// What a camera sees, and how.
+fn seen_by(camera: &Camera) -> String {
+    let mut text = match camera.projection {
+        Projection::Perspective { vertical_fov_radians } => {
+            format!("{:.1}° from the lower to the upper edge", vertical_fov_radians.to_degrees())
+        }
+        Projection::Orthographic { height } => format!("orthographic, {height} from the lower to the upper edge"),
+        Projection::Panorama => "panorama of all directions".into(),
+    };
+    if camera.shift != Vec2::ZERO {
+        text += &format!(", shifted by {} {}", camera.shift.x, camera.shift.y);
+    }
+    if camera.pixel_aspect != 1.0 {
+        text += &format!(", pixels {} times as wide as high", camera.pixel_aspect);
+    }
+    if let Some(lens) = camera.lens {
+        text += &format!(", lens of radius {} focused at {}", lens.radius, lens.focus_distance);
+        text += &if lens.blades == 0 { String::new() } else { format!(" with {} blades", lens.blades) };
+    }
+    text
+}
+
 fn print_as_json(path: &Path, found: &SceneSurvey) {
     let camera = &found.scene.camera;
     let materials = found.materials().map(|(material, triangles)| {
@@ -60,7 +82,14 @@ fn print_as_json(path: &Path, found: &SceneSurvey) {
         "file": path.display().to_string(), "kind": "scene",
         "camera": {
             "eye": in_file(found.scene.origin, camera.eye).to_array(), "forward": camera.forward.to_array(), "up": camera.up.to_array(),
-            "vertical_fov_degrees": camera.vertical_fov_radians.to_degrees(),
+            "projection": camera.projection.name(),
+            "vertical_fov_degrees": camera.vertical_fov_radians().map(f32::to_degrees),
+            "view_height": match camera.projection { Projection::Orthographic { height } => Some(height), _ => None },
+            "shift": camera.shift.to_array(), "pixel_aspect": camera.pixel_aspect,
+            "lens": camera.lens.map(|lens| json!({
+                "radius": lens.radius, "focus_distance": lens.focus_distance, "blades": lens.blades,
+                "blade_rotation_degrees": lens.rotation_radians.to_degrees(),
+            })),
             "width": camera.width, "height": camera.height,
         },
         "cameras": found.cameras, "triangles": found.scene.mesh.triangles.len(),
