@@ -4,7 +4,8 @@
 //! The image is worked on from the top down. Light straight from emitters (direct) and all other light (indirect) are
 //! filtered separately, each divided by the albedo:
 //!
-//! 0. Light is brought to the albedo that further camera rays have measured (`pixel_albedo`). Light that one half of a pixel's samples has and nothing around it has is spread over its surface (`outliers`).
+//! 0. Light is brought to the albedo that further camera rays have measured (`pixel_albedo`). Light that one half of a
+//!    pixel's samples has and nothing around it has is spread over its surface (`outliers`).
 //! 1. A few *guides*, mixtures of the cluster images by principal components ([`GuideStatistics`]), are filtered first.
 //! 2. Each pixel of every image becomes the value of a local linear fit to its neighbours. Weights come from features
 //!    (normal, albedo, inverse depth on the plane of the surface, shares) and from the filtered guides, relative to the

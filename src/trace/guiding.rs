@@ -3,7 +3,7 @@
 //! Seen from the room such a surface is a small solid angle of large radiance, which scattered rays find rarely: the
 //! image gets few samples of great weight. So before any block is traced, rays from each lamp show where much of its
 //! flux arrives close to it, in shells around the lamp. From each diffuse vertex of a path one more ray is then sent
-//! into the cone around such a place, straight through thin sheets, and followed on if it arrives there. Light that the path's
+//! into the cone around such a place, straight through thin sheets (decision 52), and followed on if it arrives there. Light that the path's
 //! own ray finds there is weighted against it by the balance heuristic (Veach 1997, §9.2.2), so that the mean is unchanged. A scene without
 //! such places is traced as if there were no guiding.
 

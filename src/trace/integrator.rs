@@ -551,16 +551,6 @@ impl Paths<'_> {
 }
 
 impl PathVertex {
-    /// The features of a sample at its first non-specular vertex.
-    #[inline(always)]
-    pub(super) fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
-        features.albedo = throughput * self.bsdf.albedo(self.wo);
-        features.normal = self.frame.z;
-        features.depth = depth;
-        features.on_surface = true;
-        features.material = world.material_index(&self.point) + 1;
-    }
-
     /// One light sample.
     #[inline(always)]
     fn sample_light(

@@ -9,7 +9,7 @@ use crate::light::Clusters;
 use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission};
 
 /// Relative standard deviation of a pixel's albedo above which further camera rays look at it, and the largest number
-/// of such rays.
+/// of such rays. Tuned: decision 51.
 const ALBEDO_NOISE: f32 = 0.01;
 const MAX_FURTHER: u32 = 48;
 

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::bsdf::{Bsdf, Lobes, Scattered};
 use super::frame::ShadingFrame;
 use super::lights::Receiver;
+use super::planes::SampleFeatures;
 use super::world::{SurfacePoint, World};
 
 /// Sine of the elevation that a direction below the surface is raised to.
@@ -78,6 +79,16 @@ impl PathVertex {
     #[inline(always)]
     pub(super) fn shows_no_emitter(&self) -> bool {
         self.bsdf.lobes().is_non_specular() || matches!(self.bsdf, Bsdf::Black)
+    }
+
+    /// The features of a sample at its first non-specular vertex.
+    #[inline(always)]
+    pub(super) fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
+        features.albedo = throughput * self.bsdf.albedo(self.wo);
+        features.normal = self.frame.z;
+        features.depth = depth;
+        features.on_surface = true;
+        features.material = world.material_index(&self.point) + 1;
     }
 
     /// The ray that leaves along a direction.

@@ -303,7 +303,7 @@ const SLOTS: usize = 12_288;
 /// Three columns and two probes of 192 rows in 2 bytes.
 const COLUMNS_OF_BLOCK_0: usize = 5 * 192 * 2;
 /// Features and variances of 64 pixels, light of three clusters: the planes without their emitters.
-const PLANES_OF_BLOCK_0: usize = 64 * 84 + 192 * 3 * 8;
+const PLANES_OF_BLOCK_0: usize = 64 * 66 + 192 * 3 * 8;
 /// Emitters in view in block 0, see `blocks.rs`.
 const SEEN_IN_BLOCK_0: usize = 4;
 
@@ -437,7 +437,7 @@ fn set_planes_clusters(bytes: &mut [u8], clusters: u32) {
     let slot = |pixels: u64| {
         let (rows, clusters) = (3 * pixels, u64::from(clusters));
         let tile = (rows * 5 * 2).next_multiple_of(8) + 4 + 5 * 8 + (rows + 3) * 4;
-        (tile + (pixels * 84 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
+        (tile + (pixels * 66 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
     };
     let length = SLOTS as u64 + [64, 64, 32, 24, 24, 12].map(slot).iter().sum::<u64>();
     set_header(bytes, "file_bytes", &length.to_le_bytes());

@@ -95,7 +95,8 @@ pub(super) const TILES: [usize; 4] = [32, 16, 8, 4];
 /// At 67 pixels a degree, contrast sensitivity (Andersson et al. 2020, after Johnson and Fairchild 2003) falls to a third
 /// from an eighth to a quarter of a cycle a pixel, and to nothing at a half. Steps follow it down to an eighth of the
 /// finest, not farther, as images are magnified. Towards the lowest frequencies steps become finer than it asks for: what is
-/// left of them are steps at the borders of tiles and blocks, which are seen best. Tuned: decision 70.
+/// left of them are steps at the borders of tiles and blocks, which are seen best. Tuned: decision 70. Images divided by the
+/// brightness of their pixels take as many bits: decision 72.
 const ZONE_STEPS: [[i8; ZONES]; TILES.len()] = [
     [6, 3, 2, 1, 1, 0, -1, -2, -4, -5],
     [3, 2, 1, 0, -1, -3, -4, -5, -6, -6],

@@ -125,6 +125,11 @@ impl<'a> Parser<'a> {
             "min" => known.iter().copied().fold(f64::INFINITY, f64::min),
             "max" => known.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             "mean" => known.iter().sum::<f64>() / known.len() as f64,
+            "median" => {
+                let mut sorted = known.clone();
+                sorted.sort_by(f64::total_cmp);
+                0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2])
+            }
             "size" => known.len() as f64,
             "count" => known.iter().filter(|value| **value > 0.0).count() as f64,
             _ => panic!("'{name}' is no function"),
