@@ -21,8 +21,8 @@ pub(super) const ALBEDO_WIDTH: f32 = 0.25;
 pub(super) const SHARE_WIDTH: f32 = 0.25;
 /// Factor on the variance of normal, albedo and shares in feature distances. It makes a pixel on the edge of two
 /// surfaces similar to both, since it has few neighbours of its own kind. Not applied to pixels that look through glass
-/// or by a mirror. Tuned: decisions 14 and 49.
-pub(super) const FEATURE_NOISE: f32 = 4.0;
+/// or by a mirror. Tuned: decision 14.
+pub(super) const FEATURE_NOISE: f32 = 16.0;
 /// Width for the relative difference of inverse depth from the plane of the surface.
 pub(super) const DEPTH_WIDTH: f32 = 0.03;
 
@@ -96,11 +96,9 @@ pub(super) const RISK_CELLS: usize = 2;
 /// A pixel is an outlier of its cell, and left out, where its change less its gain exceeds this many times the change
 /// of the others together. Tuned: decision 19.
 pub(super) const OUTLIER: f32 = 3.0;
-/// Estimated best weight of the filtered value: below the first it counts 0, from the second on 1. Tuned: decision 49.
-pub(super) const MIN_KEPT_SHARE: f32 = 0.2;
+/// Estimated best weight of the filtered value: below the first it counts 0, from the second on 1. Compared: decision 49.
+pub(super) const MIN_KEPT_SHARE: f32 = 0.1;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
-/// Relative change by filtering up to which a weight of 1 is needed for that, and from which on the least.
-pub(super) const CHANGE: (f32, f32) = (0.2, 0.8);
 
 /// Correlation of the two halves of the tiles: up to the first they are not believed, from the second on wholly.
 pub(super) const MIN_AGREEMENT: f64 = 0.25;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::constants::{CHANGE, MIN_KEPT_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
+use super::constants::{MIN_KEPT_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
 use super::image_rows::{ImageRows, Pool, Region, shifts};
 use crate::simd::dispatch;
 
@@ -94,9 +94,8 @@ impl Cells {
 
     /// The mixing weight of each cell of a row by itself.
     fn own_shares(&self, y: usize) -> Vec<f32> {
-        let [gained, changed, light] = [0, 1, 2].map(|term| self.0.row(term, y));
-        let cells = gained.iter().zip(changed).zip(light);
-        cells.map(|((gained, changed), light)| share(*gained, *changed, whole_share(*changed, *light))).collect()
+        let [gained, changed] = [0, 1].map(|term| self.0.row(term, y));
+        gained.iter().zip(changed).map(|(gained, changed)| share(*gained, *changed)).collect()
     }
 
     /// [`shares`](Self::shares) of a row.
@@ -122,14 +121,7 @@ impl Cells {
                 );
             }
         }
-        let changed = &terms.row(1, y)[region.x.clone()];
-        let whole = changed.iter().zip(own).map(|(changed, light)| whole_share(*changed, *light));
-        gains
-            .iter()
-            .zip(&changes)
-            .zip(whole)
-            .map(|((gained, changed), whole)| share(*gained, *changed, whole))
-            .collect()
+        gains.iter().zip(&changes).map(|(gained, changed)| share(*gained, *changed)).collect()
     }
 }
 
@@ -190,21 +182,12 @@ fn halves<'a>(rows: &'a ImageRows, channel: usize, x: &Range<usize>, y: usize) -
     [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
 }
 
-fn share(gained: f32, changed: f32, whole: f32) -> f32 {
-    if changed > 0.0 { trusted(gained / changed, whole) } else { 1.0 }
+fn share(gained: f32, changed: f32) -> f32 {
+    if changed > 0.0 { trusted(gained / changed) } else { 1.0 }
 }
 
-/// The mixing weight for an estimate `best` of the optimum: small estimates, which are uncertain, count as none, and from
-/// `whole` on the filtered value is taken alone.
-fn trusted(best: f32, whole: f32) -> f32 {
-    ((best - MIN_KEPT_SHARE) / (whole - MIN_KEPT_SHARE)).clamp(0.0, 1.0)
-}
-
-/// The estimated best weight from which on the filtered value is taken alone, for a cell of a mean squared change and a mean
-/// squared light. From 0.5 on it is no worse than the input. Where filtering changes much of the light, noise is more
-/// visible than lost detail; where it changes little, the best weight is as good as it says.
-fn whole_share(changed: f32, light: f32) -> f32 {
-    let (least, most) = CHANGE;
-    let relative = (changed / light.max(f32::MIN_POSITIVE)).sqrt();
-    WHOLE_SHARE + (1.0 - WHOLE_SHARE) * ((most - relative) / (most - least)).clamp(0.0, 1.0)
+/// The mixing weight for an estimate `best` of the optimum. From 0.5 on the filtered value alone is no worse than the
+/// input. Since noise is more visible than lost detail, it is then taken whole. Below, the weight falls off.
+fn trusted(best: f32) -> f32 {
+    ((best - MIN_KEPT_SHARE) / (WHOLE_SHARE - MIN_KEPT_SHARE)).clamp(0.0, 1.0)
 }
