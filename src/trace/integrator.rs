@@ -240,6 +240,7 @@ pub(super) fn trace_sample(
 impl Paths<'_> {
     /// Traces a path. `maps` are the photon maps for the first non-specular vertex and for later ones. Guided rays leave
     /// it where `guide` is given.
+    #[expect(clippy::too_many_lines, reason = "one loop over the vertices of a path, inlined for each vector unit")]
     #[inline(always)]
     fn follow(
         &self,
