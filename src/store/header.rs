@@ -20,7 +20,7 @@ const VERSION_WITHOUT_MATERIAL: u32 = 2;
 const VERSION_WITHOUT_SECTIONS: u32 = 3;
 /// The last version whose planes do not know the albedo of pixels by further rays.
 const VERSION_WITHOUT_PIXEL_ALBEDO: u32 = 4;
-/// Planes of features of those versions.
+/// Planes of features without materials, and without the albedo of pixels.
 const FEATURES_WITHOUT_MATERIAL: u32 = 10;
 pub(super) const FEATURES_WITHOUT_PIXEL_ALBEDO: u32 = 11;
 

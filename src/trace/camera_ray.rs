@@ -5,15 +5,25 @@ use std::f32::consts::{PI, TAU};
 use glam::Vec2;
 
 use super::bsdf::concentric_disc;
+use super::pixel_filter::filter_offset;
+use super::sampler::{Dimension, LENS_DIMENSION, Sampler};
 use super::vertex::PathRay;
 use crate::scene::{Camera, Lens};
+
+/// The ray of a sample of the pixel at image position (x, y).
+#[inline(always)]
+pub(super) fn ray_of_pixel(camera: &Camera, (x, y): (u32, u32), sampler: &Sampler) -> PathRay {
+    let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+    let position = centre + filter_offset(camera, sampler.pair(Dimension::Pixel, 0));
+    camera_ray(camera, position, || sampler.pair(Dimension::Pixel, LENS_DIMENSION))
+}
 
 /// The ray through an image position in pixels. `pair` is uniform over the unit square and chooses the point of the lens.
 ///
 /// A thin lens brings all light of a point in the plane of focus to one place in the image, so each ray goes from a point of the opening
 /// to where the ray through the lens's middle meets that plane (Pharr, Jakob and Humphreys, *Physically Based Rendering*, 4th edition, §5.2.3).
 #[inline(always)]
-pub(super) fn camera_ray(camera: &Camera, position: Vec2, pair: impl FnOnce() -> Vec2) -> PathRay {
+fn camera_ray(camera: &Camera, position: Vec2, pair: impl FnOnce() -> Vec2) -> PathRay {
     let (origin, direction) = camera.ray(position);
     let Some(lens) = &camera.lens else { return PathRay::new(origin, direction).of_camera() };
     let focus = direction * (lens.focus_distance / direction.dot(camera.forward));

@@ -18,7 +18,7 @@ use super::frame::ShadingFrame;
 use super::sampler::{Dimension, Sampler};
 use super::segment::End;
 use super::vertex::{PathRay, PathVertex};
-use super::world::{SurfacePoint, World};
+use super::world::{MAX_PASSES, SurfacePoint, World};
 use crate::scene::{Emitter, PointEmitter};
 
 /// Largest number of places. Every diffuse vertex goes through all of them.
@@ -294,21 +294,20 @@ fn lit_point(world: &World, (origin, direction): (Vec3, Vec3), near: f32) -> Opt
     // Beside the lamp's own surface.
     let start = origin + direction * (1e-4 * near);
     let mut ray = PathRay::new(start, direction);
-    let at = loop {
-        let at = PathVertex::new(world, world.intersect(ray.origin, direction, &mut 0)?, &ray, || 0.5);
-        if at.point.position.distance(origin) >= near {
-            return None;
+    for _ in 0..MAX_PASSES {
+        let point = world.intersect(ray.origin, direction, &mut 0)?;
+        let distance = point.position.distance(origin);
+        let at = PathVertex::new(world, point, &ray, || 0.5);
+        if at.may_be_passed() && distance < near {
+            ray = at.past(&ray);
+            continue;
         }
-        if !at.may_be_passed() {
-            break at;
-        }
-        ray = at.past(&ray);
-    };
-    let (point, distance) = (at.point, at.point.position.distance(origin));
-    let is_lamp = world.scene.mesh.triangles[point.triangle as usize].emitter.is_some();
-    let scatters = at.bsdf.lobes().is_non_specular() && !is_lamp && at.bsdf.albedo(at.wo) != Vec3::ZERO;
-    let lit = LitPoint { position: point.position, normal: at.normal, point };
-    scatters.then_some((lit, distance))
+        let is_lamp = world.scene.mesh.triangles[point.triangle as usize].emitter.is_some();
+        let scatters = at.bsdf.lobes().is_non_specular() && !is_lamp && at.bsdf.albedo(at.wo) != Vec3::ZERO;
+        let lit = LitPoint { position: point.position, normal: at.normal, point };
+        return (scatters && distance < near).then_some((lit, distance));
+    }
+    None
 }
 
 /// What the camera sees.

@@ -16,13 +16,12 @@ use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
-use super::camera_ray::camera_ray;
+use super::camera_ray::ray_of_pixel;
 use super::guiding::{self, Guided, PathGuide};
 use super::lights::{EmitterHit, LightPmf, Receiver, SeenLight};
 use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
-use super::pixel_filter::filter_offset;
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
-use super::sampler::{Dimension, KIND_DIMENSION, LENS_DIMENSION, Sampler};
+use super::sampler::{Dimension, KIND_DIMENSION, Sampler};
 use super::vertex::{PathRay, PathVertex, power_heuristic};
 use super::world::{MAX_PASSES, World};
 
@@ -209,18 +208,16 @@ impl PathRecord<'_, '_> {
 #[inline(always)]
 pub(super) fn trace_sample(
     paths: &Paths<'_>,
-    (x, y): (u32, u32),
+    pixel: (u32, u32),
     sample: u32,
     sampler: &Sampler,
     sums: &mut PixelSums,
     planes: Option<&mut PlaneSums<'_>>,
 ) -> PathCost {
-    let camera = &paths.world.scene.camera;
-    let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Dimension::Pixel, 0));
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
-    let ray = camera_ray(camera, position, || sampler.pair(Dimension::Pixel, LENS_DIMENSION));
+    let ray = ray_of_pixel(&paths.world.scene.camera, pixel, sampler);
     let begin = Begin {
         ray,
         throughput: Vec3::ONE,
@@ -240,7 +237,6 @@ pub(super) fn trace_sample(
 impl Paths<'_> {
     /// Traces a path. `maps` are the photon maps for the first non-specular vertex and for later ones. Guided rays leave
     /// it where `guide` is given.
-    #[expect(clippy::too_many_lines, reason = "one loop over the vertices of a path, inlined for each vector unit")]
     #[inline(always)]
     fn follow(
         &self,
@@ -255,14 +251,15 @@ impl Paths<'_> {
         let mut last = begin.last;
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
         let mut layer = begin.layer;
-        // Share of such emission that this path shows; delta branches at the boundaries before show the rest. What a guided
-        // ray itself finds is left to the path that it leaves.
-        let mut seen = if begin.guided.is_some() { 0.0 } else { 1.0 };
+        // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
+        let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (begin.vertex, 0, 0.0, MAX_FORKS);
         let (is_branch, mut sent) = (begin.guided.is_some(), begin.guided);
         loop {
             let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + vertex + passes).x;
-            let Some(at) = self.arrive(&ray, kind, &last, layer, throughput * seen, record) else { return };
+            // Emission that a guided ray itself finds is left to the path that it leaves.
+            let shown = if sent.is_some() { Vec3::ZERO } else { throughput * seen };
+            let Some(at) = self.arrive(&ray, kind, &last, layer, shown, record) else { return };
             throughput *= at.kept;
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
@@ -292,24 +289,13 @@ impl Paths<'_> {
                 if throughput == Vec3::ZERO {
                     return;
                 }
-                seen = if is_branch { 1.0 } else { seen };
             }
 
             let (mut light_samples, mut radius) = (0, None);
             if at.bsdf.lobes().is_non_specular() {
-                light_samples = if layer == LightPath::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
                 layer = if layer == LightPath::Emission { LightPath::Direct } else { LightPath::Indirect };
                 seen = 1.0;
-                let chances = world.lights.chances(&at.receiver());
-                for member in 0..light_samples {
-                    let pair = sampler.member(Dimension::Light, vertex, member, light_samples);
-                    let draw = LightDraw { pair, count: light_samples };
-                    at.sample_light(world, &chances, throughput, draw, layer, record);
-                }
-                let map = maps[usize::from(layer == LightPath::Indirect)];
-                if let Some(photons) = self.photons {
-                    radius = Some(at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));
-                }
+                (light_samples, radius) = self.light(&at, (vertex, layer, throughput), maps, sampler, record);
             } else if layer == LightPath::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
@@ -325,7 +311,6 @@ impl Paths<'_> {
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Dimension::Scatter, vertex), choice.x) else { return };
             if may_be_passed && !next.pass_through {
                 throughput *= self.weight_of_arrival(guide, (&mut last, &mut sent), &at, ray.direction);
-                seen = if is_branch { 1.0 } else { seen };
             }
             throughput *= next.weight;
             eta_scale *= next.eta_scale;
@@ -366,6 +351,28 @@ impl Paths<'_> {
                 throughput /= survival;
             }
         }
+    }
+
+    /// Adds the light that reaches a vertex by light samples and photons. Returns the number of light samples, and the radius within
+    /// which photons were gathered.
+    #[inline(always)]
+    fn light(
+        &self,
+        at: &PathVertex,
+        (vertex, layer, throughput): (u32, LightPath, Vec3),
+        maps: [u32; 2],
+        sampler: &Sampler,
+        record: &mut PathRecord<'_, '_>,
+    ) -> (u32, Option<f32>) {
+        let count = if layer == LightPath::Direct { FIRST_LIGHT_SAMPLES } else { 1 };
+        let chances = self.world.lights.chances(&at.receiver());
+        for member in 0..count {
+            let draw = LightDraw { pair: sampler.member(Dimension::Light, vertex, member, count), count };
+            at.sample_light(self.world, &chances, throughput, draw, layer, record);
+        }
+        let map = maps[usize::from(layer == LightPath::Indirect)];
+        let most_segments = self.max_depth - vertex - 1;
+        (count, self.photons.map(|photons| at.gather(photons, map, most_segments, throughput, record)))
     }
 
     /// Sends a guided ray from a diffuse vertex, perhaps, and follows a path from where it arrives. Returns the probability

@@ -13,6 +13,9 @@ use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission
 const ALBEDO_NOISE: f32 = 0.01;
 const MAX_FURTHER: u32 = 48;
 
+/// Planes of features that each sample has: all but the albedo of the pixel, the last, which follows from them.
+const SAMPLED: usize = FEATURE_PLANES - CHANNELS;
+
 /// How light reached the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LightPath {
@@ -40,13 +43,11 @@ pub(super) struct SampleFeatures {
 
 impl SampleFeatures {
     #[inline(always)]
-    fn values(&self) -> [f32; FEATURE_PLANES] {
+    fn values(&self) -> [f32; SAMPLED] {
         let share = |is: bool| if is { 1.0 } else { 0.0 };
         let (a, n) = (self.albedo, self.normal);
         let [emitter, specular, surface] = [self.sees_emitter, self.specular, self.on_surface].map(share);
-        let material = self.material as f32;
-        // The last three follow from the first.
-        [a.x, a.y, a.z, n.x, n.y, n.z, self.depth, emitter, specular, surface, material, 0.0, 0.0, 0.0]
+        [a.x, a.y, a.z, n.x, n.y, n.z, self.depth, emitter, specular, surface, self.material as f32]
     }
 }
 
@@ -74,15 +75,15 @@ pub(super) struct PlaneSums<'a> {
 /// Sums of features as differences from the first sample, so that squares of large depths keep their precision.
 #[derive(Clone, Copy, Debug, Default)]
 struct FeatureSums {
-    first: [f32; FEATURE_PLANES],
-    sum: [f32; FEATURE_PLANES],
-    squares: [f32; FEATURE_PLANES],
+    first: [f32; SAMPLED],
+    sum: [f32; SAMPLED],
+    squares: [f32; SAMPLED],
     count: u32,
 }
 
 impl FeatureSums {
     #[inline(always)]
-    fn add(&mut self, values: [f32; FEATURE_PLANES]) {
+    fn add(&mut self, values: [f32; SAMPLED]) {
         if self.count == 0 {
             self.first = values;
         }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::TraceSettings;
 use super::accumulator::{NoiseSums, PixelMeans, PixelSums, RUN, Run, interleave};
 use super::bvh::Bvh;
-use super::further_rays::look;
+use super::further_rays::features_of_ray;
 use super::guiding::PathGuide;
 use super::integrator::{Paths, trace_sample};
 use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
@@ -307,7 +307,7 @@ impl pulp::NullaryFnOnce for Pixel<'_, '_> {
         let Some(planes) = self.planes else { return };
         for further in 0..planes.wants_further() {
             let sampler = Sampler::new(seed, key, samples_per_pixel + further);
-            match look(world, self.at, &sampler, &mut self.stats.rays) {
+            match features_of_ray(world, self.at, &sampler, &mut self.stats.rays) {
                 Some(features) => planes.add_further(&features),
                 None => return planes.drop_further(),
             }

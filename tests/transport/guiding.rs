@@ -65,24 +65,32 @@ fn guiding_does_not_change_the_mean() {
     assert!(noise(&guided) < 8.0 * noise(&plain), "{} and {}", noise(&guided), noise(&plain));
 }
 
-/// White surfaces under a white sky cannot be seen, whatever directions their paths take.
+/// White surfaces and clear panes under a white sky cannot be seen, whatever directions their paths take.
 #[test]
-fn a_white_shade_vanishes_in_a_white_furnace() {
-    let mut builder = Builder::new(camera(Vec3::new(0.0, 0.4, 3.0), Vec3::ZERO, 45.0, 16));
-    builder.quad(Vec3::new(-1.0, -0.5, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, lambert(1.0));
-    shaded_lamp(&mut builder, Vec3::ZERO, 0.05, lambert(1.0));
-    let mapping = EnvironmentMapping::Octahedral { side: 4 };
-    let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
-    builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
-    let scene = builder.build();
-    assert!(tracer(scene.clone(), settings(1, 2)).is_guided());
-    let sky_alone: Vec<f32> = {
-        let blocks = blocks(&tracer(scene, settings(256, 256)));
-        let of = |block: &ltm::matrix::TracedBlock, row: usize| {
-            let view = block.block.view();
-            (1..view.columns()).map(|column| view.at(row, column)).sum::<f32>()
+fn a_white_shade_vanishes_in_a_white_furnace_and_its_panes_too() {
+    for has_panes in [false, true] {
+        let mut builder = Builder::new(camera(Vec3::new(0.0, 0.4, 3.0), Vec3::ZERO, 45.0, 16));
+        builder.quad(Vec3::new(-1.0, -0.5, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, lambert(1.0));
+        shaded_lamp(&mut builder, Vec3::ZERO, 0.05, lambert(1.0));
+        if has_panes {
+            let pane = Surface::ThinDielectric { ior: 1.5, transmittance: Vec3::ONE };
+            for (out, along) in [(Vec3::X, Vec3::Z), (Vec3::Z, -Vec3::X), (-Vec3::X, -Vec3::Z), (-Vec3::Z, Vec3::X)] {
+                builder.quad(0.2 * (out - along - Vec3::Y), 0.4 * along, 0.4 * Vec3::Y, pane);
+            }
+        }
+        let mapping = EnvironmentMapping::Octahedral { side: 4 };
+        let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+        builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
+        let scene = builder.build();
+        assert!(tracer(scene.clone(), settings(1, 2)).is_guided());
+        let sky_alone: Vec<f32> = {
+            let blocks = blocks(&tracer(scene, settings(256, 256)));
+            let of = |block: &ltm::matrix::TracedBlock, row: usize| {
+                let view = block.block.view();
+                (1..view.columns()).map(|column| view.at(row, column)).sum::<f32>()
+            };
+            blocks.iter().flat_map(|block| (0..block.block.rows()).map(move |row| of(block, row))).collect()
         };
-        blocks.iter().flat_map(|block| (0..block.block.rows()).map(move |row| of(block, row))).collect()
-    };
-    assert!((mean(&sky_alone) - 1.0).abs() < 0.01, "{}", mean(&sky_alone));
+        assert!((mean(&sky_alone) - 1.0).abs() < 0.01, "panes {has_panes}: {}", mean(&sky_alone));
+    }
 }

@@ -249,6 +249,9 @@ fn shares_of_a_half_covered_image_are_means_with_the_variance_of_their_samples()
     let of_rays = variance(surface.0, samples + 48);
     assert!((f64::from(surface.1) - of_rays).abs() < 0.01 * of_rays, "{} for {of_rays}", surface.1);
     let variance = variance(emitter.0, samples);
+    // Light is divided by the albedo of its own samples, and the pixel's is that of all rays.
+    let [own, of_pixel] = [Feature::Albedo, Feature::PixelAlbedo].map(|which| feature(&blocks, which, 0).0);
+    assert!((own - 0.5 * (1.0 - emitter.0)).abs() < 1e-6 && (of_pixel - 0.5 * surface.0).abs() < 1e-6);
     // Half of the samples show the only material: the pixel is of the first sample's, and its variance says that it is mixed.
     let (material, mixed) = feature(&blocks, Feature::Material, 0);
     assert!(material == 0.0 || material == 1.0, "{material}");
