@@ -124,8 +124,8 @@ def test_features_are_what_pixels_show_beside_light(tmp_path):
     with ltm.open(tmp_path / "a.ltm") as m:
         features, variances = m.features(), m.features(variance=True)
         height, width = m.shape[:2]
-    assert {name: plane.shape for name, plane in features.items() if name in ("albedo", "normal")} == {
-        name: (height, width, 3) for name in ("albedo", "normal")
+    assert {name: plane.shape for name, plane in features.items() if name in ("albedo", "normal", "pixel_albedo")} == {
+        name: (height, width, 3) for name in ("albedo", "normal", "pixel_albedo")
     }
     assert all(features[name].shape == (height, width) for name in ("depth", "emitter", "specular", "surface"))
     inside = features["surface"] == 1

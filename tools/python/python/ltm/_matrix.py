@@ -82,7 +82,7 @@ class Look:
 
 
 #: Where the planes of features lie that have three, and one.
-_VECTORS = {"albedo": 0, "normal": 3}
+_VECTORS = {"albedo": 0, "normal": 3, "pixel_albedo": 11}
 _SCALARS = {"depth": 6, "emitter": 7, "specular": 8, "surface": 9, "material": 10}
 
 
@@ -179,6 +179,7 @@ class Matrix:
         the samples that show an ``emitter``, came by a mirror or glass (``specular``), and end on a ``surface`` (height, width). All are
         means over the samples, of which those without a surface count as zero: ``depth / surface`` is the mean over those that have one.
         ``material`` is the number of the first sample's material, from 1 on in the scene's order; 0 is none, or not known.
+        ``pixel_albedo`` is the albedo by further camera rays, which see fine textures and edges with less noise.
 
         With ``variance``, the variances of those means instead, as if samples were independent; of a material's number, it is zero
         where all samples show one material.
