@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
 use ltm::light::{
-    DenoiseErrors, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors,
+    DenoiseErrors, DenoisedLight, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance,
+    StatedErrors,
 };
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
@@ -252,8 +253,13 @@ pub(crate) const STATED: StatedErrors = StatedErrors {
         noise_worst: 5.0,
     }),
     denoising: Some(DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 }),
+    denoised_lights: Vec::new(),
     exposed: Some(ExposedError { asked: 0.75, reached: 0.5 }),
 };
+
+/// What a file says of a denoised light.
+pub(crate) const DENOISED_LIGHT: DenoisedLight =
+    DenoisedLight { errors: DenoiseErrors { noise_before: 2.5, noise_after: 0.375, bias: 0.03125 }, light_kept: 0.875 };
 
 /// For each of the ten zones of the panel, and for the three lamps.
 pub(crate) const BAND_STEPS: [i8; 13] = [8, 3, 1, 0, 0, 0, 0, 0, 0, 0, 0, 5, -2];

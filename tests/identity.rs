@@ -5,7 +5,9 @@
 
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
-use ltm::denoise::{DENOISER_VERSION, DenoisedRegion, Denoiser, FilterRadii, GuideStatistics, ImageRows, Pool, Region};
+use ltm::denoise::{
+    DENOISER_VERSION, DenoisedRegion, Denoiser, FilterRadii, GuideStatistics, ImageOrigin, ImageRows, Pool, Region,
+};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry, TracedBlock};
 use ltm::pipeline::job_of;
@@ -123,7 +125,8 @@ fn what_images_are_denoised_to_changes_only_with_the_cleaners_version() {
     tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
     let (guides, pool) = (tally.guides(), Pool::default());
     let region = Region { x: 0..SIZE.0, y: 0..SIZE.1 };
-    let all = DenoisedRegion { size: SIZE, block: SIZE.1, region, features: 10 };
+    let (groups, origin) = (vec![0, 1], ImageOrigin::Traced);
+    let all = DenoisedRegion { size: SIZE, block: SIZE.1, region, features: 10, groups, origin };
     let mut denoising = Denoiser::new(all, FilterRadii::of_image(1, 1), &guides, &pool);
     let wanted = denoising.wants().unwrap();
     for strip in denoising.strips(&wanted, &[0]) {

@@ -65,7 +65,7 @@ pub fn merge(
         holders[id.index()].expect("only present blocks are asked for").read_chunk(id, layer)
     };
     // Those of parts do not make those of the whole.
-    let errors = if readers.len() == 1 { *first.errors() } else { StatedErrors::default() };
+    let errors = if readers.len() == 1 { first.errors().clone() } else { StatedErrors::default() };
     let about = About { job: first.job(), report: first.report(), errors: &errors };
     assemble(target, overwrite, about, records, chunk)
 }

@@ -6,7 +6,9 @@ use std::borrow::Cow;
 use super::format::{VERSION_WITHOUT_SECTIONS, u32_at};
 use super::report::ContainerReport;
 use crate::encoding::{Decode, decode as decode_record, encode as encode_record};
-use crate::light::{DenoiseErrors, JOB_SECTIONS, Job, StatedErrors, decode_positional_job, encode_job, job_of};
+use crate::light::{
+    DenoiseErrors, DenoisedLight, JOB_SECTIONS, Job, StatedErrors, decode_positional_job, encode_job, job_of,
+};
 use crate::sections::{Sections, Tag, append};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
@@ -22,6 +24,8 @@ const REPORT: Tag = Tag(*b"rprt");
 const LIGHT_ERRORS: Tag = Tag(*b"lerr");
 /// The section of what denoising did.
 const DENOISING_ERRORS: Tag = Tag(*b"derr");
+/// The section of what denoising did to the picture under each light.
+const DENOISED_LIGHTS: Tag = Tag(*b"dlit");
 /// The section of the error of exposed images.
 const EXPOSED_ERROR: Tag = Tag(*b"xerr");
 
@@ -37,6 +41,9 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors)
     }
     if let Some(errors) = &errors.denoising {
         append(&mut plain, DENOISING_ERRORS, &encode_record(errors));
+    }
+    if !errors.denoised_lights.is_empty() {
+        append(&mut plain, DENOISED_LIGHTS, &encode_record(&errors.denoised_lights));
     }
     if let Some(error) = &errors.exposed {
         append(&mut plain, EXPOSED_ERROR, &encode_record(error));
@@ -57,7 +64,11 @@ pub(super) fn decode(version: u32, bytes: &[u8]) -> Result<Metadata, String> {
         VERSION_WITHOUT_SECTIONS => decode_positional(bytes)?,
         _ => decode_sections(bytes)?,
     };
-    let (job, _, StatedErrors { lights, .. }) = &metadata;
+    let (job, _, StatedErrors { lights, denoised_lights, .. }) = &metadata;
+    let (told, known) = (denoised_lights.len(), job.basis.lights().len());
+    if told != 0 && told != known {
+        return Err(format!("the errors of denoising are of {told} lights, there are {known}"));
+    }
     if let Some(worst) = lights.map(|lights| lights.worst_column).filter(|&c| c as usize >= job.shape.columns()) {
         return Err(format!("the errors of lights name column {worst}, beyond the last"));
     }
@@ -69,11 +80,13 @@ fn decode_sections(bytes: &[u8]) -> Result<Metadata, String> {
         return Err("the metadata is cut short".into());
     };
     let plain = unpacked(body, u32_at(head, 4), u32_at(head, 0) as usize)?;
-    let known = [&JOB_SECTIONS[..], &[REPORT, LIGHT_ERRORS, DENOISING_ERRORS, EXPOSED_ERROR]].concat();
+    let known = [&JOB_SECTIONS[..], &[REPORT, LIGHT_ERRORS, DENOISING_ERRORS, DENOISED_LIGHTS, EXPOSED_ERROR]].concat();
     let sections = Sections::split(&plain, &known)?;
     let errors = StatedErrors {
         lights: section(&sections, LIGHT_ERRORS, "errors of lights")?,
         denoising: section(&sections, DENOISING_ERRORS, "errors of denoising")?,
+        denoised_lights: section::<Vec<DenoisedLight>>(&sections, DENOISED_LIGHTS, "errors of denoised lights")?
+            .unwrap_or_default(),
         exposed: section(&sections, EXPOSED_ERROR, "error of exposed images")?,
     };
     Ok((job_of(&sections)?, section(&sections, REPORT, "report")?.unwrap_or_default(), errors))
@@ -102,6 +115,7 @@ fn decode_positional(bytes: &[u8]) -> Result<Metadata, String> {
     let errors = StatedErrors {
         lights: next(&mut rest, "errors of lights")?,
         denoising: next(&mut rest, "errors of denoising")?.filter(|errors: &DenoiseErrors| !errors.is_none()),
+        denoised_lights: Vec::new(),
         exposed: next(&mut rest, "error of exposed images")?,
     };
     match rest.len() {

@@ -20,9 +20,11 @@ use crate::files::{check_output, replace};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
-/// Bytes of [`StatedErrors`] in the file at most: records of 53 and heads of three sections of 8, which zstd may not make
-/// shorter, and its words for a second kind of data.
-const ERRORS_BYTES: u64 = 96;
+/// Bytes of [`StatedErrors`] in the file at most, without those of single lights: records of 53 and heads of four sections of 8,
+/// which zstd may not make shorter, a length, and zstd's words for a second kind of data.
+const ERRORS_BYTES: u64 = 109;
+/// Bytes of them for each light.
+const LIGHT_ERRORS_BYTES: u64 = 16;
 
 /// Options of writing a container.
 #[derive(Clone, Debug, Default)]
@@ -232,8 +234,10 @@ impl ContainerWriter {
 
     /// Bytes at most of the finished file beside its chunks, if all blocks together have so many layers.
     pub fn overhead_bytes(&self, layers: u64) -> u64 {
-        let metadata =
-            metadata::encode(&self.job, &self.options.report, &StatedErrors::default()).len() as u64 + ERRORS_BYTES;
+        let lights = self.job.basis.lights().len() as u64;
+        let metadata = metadata::encode(&self.job, &self.options.report, &StatedErrors::default()).len() as u64
+            + ERRORS_BYTES
+            + LIGHT_ERRORS_BYTES * lights;
         let blocks = u64::from(self.job.shape.block_count());
         let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
         (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + records

@@ -97,8 +97,12 @@ pub(super) const RISK_CELLS: usize = 2;
 /// of the others together. Tuned: decision 19.
 pub(super) const OUTLIER: f32 = 3.0;
 /// Estimated best weight of the filtered value: below the first it counts 0, from the second on 1. Compared: decision 49.
-pub(super) const MIN_KEPT_SHARE: f32 = 0.1;
+pub(super) const MIN_KEPT_SHARE: f32 = 0.2;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
+/// Relative change by filtering up to which a weight of 1 is needed for that, and from which on [`WHOLE_SHARE`].
+pub(super) const CHANGE: (f32, f32) = (0.2, 0.8);
+/// The first of these weights for imported images, whose change does not matter: their noise is known less well.
+pub(super) const MIN_KEPT_SHARE_OF_IMPORTED: f32 = 0.1;
 
 /// Correlation of the two halves of the tiles: up to the first they are not believed, from the second on wholly.
 pub(super) const MIN_AGREEMENT: f64 = 0.25;

@@ -23,14 +23,14 @@ use rayon::prelude::*;
 use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
 use super::external_images::ExternalImages;
 use super::{
-    ColumnUpsampler, DenoisedRegion, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides, Pool,
-    Region, tile_means,
+    ColumnUpsampler, DenoisedRegion, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides,
+    ImageOrigin, Pool, Region, tile_means,
 };
 use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, stop_if_interrupted};
 use crate::compress::{ClusterMap, CompressorPlan};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
-use crate::light::{Clusters, DenoiseErrors, Job, LightBasis};
+use crate::light::{Clusters, DenoiseErrors, DenoisedLight, Job, LightBasis, LightGroups, LightKind};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Threads};
 
@@ -60,6 +60,9 @@ pub(crate) struct DenoisedSource {
     map: Vec<f32>,
     /// The cluster of each column.
     partition: Clusters,
+    /// The lights that denoising tells apart.
+    groups: LightGroups,
+    origin: ImageOrigin,
     gathering: DenoiseInputs,
     images: ContinuationFile,
     tally: GuideStatistics,
@@ -168,7 +171,10 @@ impl DenoisedSource {
         let clusters = partition.count();
         let gathering = DenoiseInputs::new(job, with_suffix(path, GATHERED), records)?;
         let (map, tally) = (identity(clusters, shape.columns()), GuideStatistics::new(clusters));
-        Ok(Self { shape, clusters, windows, halo, map, partition, gathering, images, tally })
+        let groups = LightGroups::of_basis(&job.basis, &partition);
+        let is_imported = job.basis.lights().iter().any(|light| light.kind == LightKind::Image);
+        let origin = if is_imported { ImageOrigin::Imported } else { ImageOrigin::Traced };
+        Ok(Self { shape, clusters, windows, halo, map, partition, groups, origin, gathering, images, tally })
     }
 
     /// The blocks of all windows, ascending.
@@ -257,9 +263,11 @@ impl DenoisedSource {
         let region = Region { x: within(across, left), y: within(down, top) };
         let part = DenoisedRegion {
             size: (whole.width as usize, whole.height as usize),
-            block: self.shape.block_side().min(whole.height) as usize,
+            block: self.shape.block_side() as usize,
             region,
             features: FEATURE_PLANES,
+            groups: self.groups.of_cluster().to_vec(),
+            origin: self.origin,
         };
         let mut denoising = Denoiser::new(part, reach_in(self.shape), guides, pool);
         while let Some(wanted) = denoising.wants() {
@@ -293,7 +301,7 @@ impl DenoisedSource {
             }
         }
         let errors = denoised.errors(&part);
-        self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
+        self.images.append(id.0, &[&bytes, bytemuck::cast_slice(&errors)])
     }
 
     /// Fits the map from clusters to columns, where a cluster has several: after the images are denoised.
@@ -376,33 +384,36 @@ impl DenoisedSource {
         Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
     }
 
-    /// The errors of denoising over the whole image; `None` if the images came from a file.
+    /// The errors of denoising over the whole image, of all images of lights together and of each light; `None` if the images came from a file.
     ///
     /// # Errors
     /// Those of the disk.
-    pub(crate) fn errors(&self) -> Result<Option<DenoiseErrors>> {
-        let mut sums = ErrorSums::default();
+    pub(crate) fn errors(&self) -> Result<Option<(DenoiseErrors, Vec<DenoisedLight>)>> {
+        let mut groups = vec![ErrorSums::default(); self.groups.count()];
         for id in self.shape.blocks() {
-            let Some(part) = self.image_bytes(id)?.1 else { return Ok(None) };
-            sums.add(&part);
+            let Some(parts) = self.image_bytes(id)?.1 else { return Ok(None) };
+            groups.iter_mut().zip(&parts).for_each(|(sums, part)| sums.add(part));
         }
-        let share = |squares: f64| (squares.max(0.0) / sums.light.max(f64::MIN_POSITIVE)).sqrt() as f32;
-        Ok(Some(DenoiseErrors {
-            noise_before: share(sums.noise_before),
-            noise_after: share(sums.noise_after),
-            bias: share(sums.changed - sums.noise_of_change),
-        }))
+        let mut all = ErrorSums::default();
+        groups.iter().for_each(|sums| all.add(sums));
+        let of_light = |&group: &u16| {
+            let sums = &groups[usize::from(group)];
+            let kept = if sums.light_before > 0.0 { sums.light_after / sums.light_before } else { 1.0 };
+            DenoisedLight { errors: sums.errors(), light_kept: kept as f32 }
+        };
+        Ok(Some((all.errors(), self.groups.of_light().iter().map(of_light).collect())))
     }
 
     /// The stored bytes of a block's denoised images, and the error sums if they were denoised here.
-    fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<ErrorSums>)> {
+    fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<Vec<ErrorSums>>)> {
         let mut bytes = self.images.read(id.0)?;
         let images = 4 * self.shape.rect(id).rows() * self.clusters;
-        let Some(rest) = bytes.get(images..).filter(|rest| rest.is_empty() || rest.len() == size_of::<ErrorSums>())
-        else {
+        let of_errors = size_of::<ErrorSums>() * self.groups.count();
+        let Some(rest) = bytes.get(images..).filter(|rest| rest.is_empty() || rest.len() == of_errors) else {
             return Err(self.images.damaged(id.0, "it is cut short"));
         };
-        let errors = (!rest.is_empty()).then(|| bytemuck::pod_read_unaligned(rest));
+        let errors = (!rest.is_empty())
+            .then(|| rest.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect());
         bytes.truncate(images);
         Ok((bytes, errors))
     }

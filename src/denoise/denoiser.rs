@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use super::albedo;
 use super::constants::*;
-use super::errors::{self, ErrorSums, add_squares};
+use super::detail;
+use super::errors::{BlockErrors, ErrorSums};
 use super::filter::{Direct, Indirect};
 use super::filter_radii::FilterRadii;
 use super::guide_statistics::Guides;
@@ -12,7 +13,7 @@ use super::guides::mixture_planes;
 use super::image_rows::{ImageRows, Pool, Region};
 use super::per_image_filter;
 use super::row_stages::{Stage, Step};
-use super::shrinkage::mixed;
+use super::shrinkage::{ImageOrigin, RISK_REACH, mixed};
 use super::surfaces::Surfaces;
 
 /// Least number of rows denoised in one step.
@@ -36,7 +37,7 @@ pub struct DenoiserRows<'a> {
 pub struct DenoisedRows {
     /// Three channels for each cluster, direct and indirect light added up.
     pub images: ImageRows,
-    squares: ImageRows,
+    errors: BlockErrors,
 }
 
 impl DenoisedRows {
@@ -45,15 +46,14 @@ impl DenoisedRows {
         self.images.held()
     }
 
-    /// Error estimates of a region of these rows.
-    pub fn errors(&self, region: &Region) -> ErrorSums {
-        ErrorSums::of(&self.images, &self.squares, region)
+    /// Error estimates of the blocks that lie in a region of these rows, for each group of clusters.
+    pub fn errors(&self, region: &Region) -> Vec<ErrorSums> {
+        self.errors.of(region)
     }
 
     /// Returns the memory to the pool.
     pub fn keep_in(self, pool: &Pool) {
         pool.keep(self.images);
-        pool.keep(self.squares);
     }
 }
 
@@ -62,12 +62,16 @@ impl DenoisedRows {
 pub struct DenoisedRegion {
     /// Pixels of the image across and down.
     pub size: (usize, usize),
-    /// Height of its blocks in pixels.
+    /// Side of its blocks in pixels.
     pub block: usize,
     /// The pixels that are denoised.
     pub region: Region,
     /// Planes of features.
     pub features: usize,
+    /// The group of each cluster: errors are told for each group.
+    pub groups: Vec<u16>,
+    /// Where the images come from.
+    pub origin: ImageOrigin,
 }
 
 /// Images of clusters that are being denoised, from the top of the image down: [`wants`](Self::wants) says which rows come next,
@@ -81,6 +85,10 @@ pub struct Denoiser<'a> {
     next: Range<usize>,
     /// Block height in pixels; rows are asked for up to a multiple of it.
     block: usize,
+    /// Block width in pixels.
+    side: usize,
+    groups: Vec<u16>,
+    origin: ImageOrigin,
     read: Input,
     direct: Direct<'a>,
     indirect: Indirect<'a>,
@@ -104,7 +112,8 @@ struct Input {
 impl<'a> Denoiser<'a> {
     /// Begins at the top of what is to be denoised.
     pub fn new(of: DenoisedRegion, reach: FilterRadii, guides: &'a Guides, pool: &'a Pool) -> Self {
-        let DenoisedRegion { size, block, region, features } = of;
+        let DenoisedRegion { size, block: side, region, features, groups, origin } = of;
+        let block = side.min(size.1);
         let light = reach.light(2 * 3 * guides.clusters());
         let step = step_of(block);
         let rows = |stage: Stage| ImageRows::none_yet(size, stage.planes, stage.rows(step) + block);
@@ -123,6 +132,9 @@ impl<'a> Denoiser<'a> {
         Self {
             next: region.y.start..region.y.start,
             block,
+            side,
+            groups,
+            origin,
             read,
             direct: Direct::new(reach, guides, &region, size, step),
             indirect: Indirect::new(reach, guides, &region, size, step),
@@ -145,8 +157,9 @@ impl<'a> Denoiser<'a> {
         // The mixed means, the denoised images, and the terms of the risk in three steps; the guides of several images
         // filtered by themselves, and the terms of each; the albedo.
         let passing = 4
-            * (step * (light.planes + light.planes / 2 + errors::PLANES + 9)
+            * (step * (light.planes + light.planes / 2 + 9)
                 + per_image_filter::passing_rows(reach, step)
+                + detail::passing_rows(step + 2 * RISK_REACH)
                 + albedo::passing_rows(step));
         read + held + (more + passing) as u64
     }
@@ -210,15 +223,15 @@ impl<'a> Denoiser<'a> {
         self.surfaces.advance(features, feature_variance, &step, self.pool);
         let planes = direct.planes() / 2;
         let mut images = self.pool.rows_like(features, planes, part.y.clone());
-        let mut squares = self.pool.rows_like(features, errors::PLANES, part.y.clone());
         images.clear(&part);
-        squares.clear(&part);
+        let groups = self.groups.iter().max().map_or(0, |&last| usize::from(last) + 1);
+        let mut errors = BlockErrors::none_yet(&part, self.side, groups);
         self.direct.advance(direct, &step, &self.surfaces, self.pool);
         self.indirect.advance(indirect, &step, &self.surfaces, self.pool);
         let albedo = albedo::of_filtered(features, feature_variance, &part, &self.surfaces, self.pool);
         for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
-            let denoised = mixed(light, means, &part, self.pool);
-            add_squares(light, &denoised, |plane, y| of_samples(plane, y).collect(), &part, &mut squares);
+            let denoised = mixed(light, means, self.origin, &part, self.pool);
+            errors.add_change([light, &denoised], &self.groups, |channel, y| of_samples(channel, y).collect());
             images.change_rows(&part, |y, plane, out| {
                 let [a, b] = [plane, planes + plane].map(|plane| &denoised.row(plane, y)[part.x.clone()]);
                 let halves = a.iter().zip(b).zip(&albedo.row(plane % 3, y)[part.x.clone()]);
@@ -227,7 +240,8 @@ impl<'a> Denoiser<'a> {
             self.pool.keep(denoised);
         }
         self.pool.keep(albedo);
-        DenoisedRows { images, squares }
+        errors.add_light(&images, &self.groups);
+        DenoisedRows { images, errors }
     }
 }
 
@@ -320,7 +334,7 @@ mod tests {
         mean
     }
 
-    /// Denoises in steps of the given block height with a used pool. Returns all rows of the image and of the squares.
+    /// Denoises in steps of the given block height with a used pool. Returns all rows of the image and the errors of all blocks. Each cluster is a group.
     fn denoise_in_steps(
         window: &Window,
         region: &Region,
@@ -335,10 +349,12 @@ mod tests {
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
-        let mut denoising =
-            Denoiser::new(DenoisedRegion { size, block, region: region.clone(), features: 10 }, reach, guides, &pool);
+        let groups = (0..CLUSTERS as u16).collect();
+        let region =
+            DenoisedRegion { size, block, region: region.clone(), features: 10, groups, origin: ImageOrigin::Traced };
+        let mut denoising = Denoiser::new(region, reach, guides, &pool);
         let zeros = |planes| ImageRows::zeros(size.0, size.1, planes);
-        let mut all = DenoisedRows { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
+        let mut all = DenoisedRows { images: zeros(3 * CLUSTERS), errors: BlockErrors::default() };
         while let Some(wanted) = denoising.wants() {
             let borders: Vec<usize> = wanted.clone().step_by(block).collect();
             for (strip, &first) in denoising.strips(&wanted, &borders).into_iter().zip(&borders) {
@@ -354,10 +370,10 @@ mod tests {
             }
             let denoised = denoising.denoise(&wanted);
             for y in denoised.rows() {
-                for (from, to) in [(&denoised.images, &mut all.images), (&denoised.squares, &mut all.squares)] {
-                    (0..from.planes()).for_each(|plane| to.row_mut(plane, y).copy_from_slice(from.row(plane, y)));
-                }
+                let (from, to) = (&denoised.images, &mut all.images);
+                (0..from.planes()).for_each(|plane| to.row_mut(plane, y).copy_from_slice(from.row(plane, y)));
             }
+            all.errors.append(&denoised.errors);
             denoised.keep_in(&pool);
         }
         all
@@ -395,15 +411,20 @@ mod tests {
     fn noise_and_bias_are_known_from_the_halves() {
         let (window, truth) = room((48, 40), 0.5);
         let region = truth.whole();
-        let denoised = denoise(window.clone(), &region, &guides(&window));
-        let sums = denoised.errors(&region);
+        let denoised = denoise_in_steps(&window, &region, &guides(&window), 20, REACH);
+        let all = |region: &Region| {
+            let mut all = ErrorSums::default();
+            denoised.errors(region).iter().for_each(|sums| all.add(sums));
+            all
+        };
+        let sums = all(&region);
         let raw_error = squared_error(&raw(&window), &truth);
         assert!((sums.noise_before / raw_error - 1.0).abs() < 0.1, "{sums:?}, not {raw_error}");
         let error = squared_error(&denoised.images, &truth);
         let bias = (sums.changed - sums.noise_of_change).max(0.0);
         // Both are a small part of the initial noise, and so is the error of either.
         assert!((sums.noise_after + bias - error).abs() < 0.02 * raw_error, "{sums:?}, not {error}");
-        let halves = [0..20, 20..40].map(|y| denoised.errors(&Region { x: 0..48, y }));
+        let halves = [0..20, 20..40].map(|y| all(&Region { x: 0..48, y }));
         let mut both = halves[0];
         both.add(&halves[1]);
         assert!((both.light / sums.light - 1.0).abs() < 1e-9 && (both.changed / sums.changed - 1.0).abs() < 1e-9);
@@ -619,7 +640,7 @@ mod tests {
             let whole = denoise_in_steps(&window, &window.features.whole(), &guides, 330, reach);
             for block in [32, 50, 128] {
                 let denoised = denoise_in_steps(&window, &window.features.whole(), &guides, block, reach);
-                assert_eq!(denoised, whole, "blocks of {block}, {reach:?}");
+                assert_eq!(denoised.images, whole.images, "blocks of {block}, {reach:?}");
             }
             // A part of it whose surroundings lie within the image.
             let part = Region { x: 0..40, y: 150..200 };
@@ -638,7 +659,10 @@ mod tests {
         let guides = guides(&window);
         for reach in REACHES {
             let pool = Pool::default();
-            let whole = DenoisedRegion { size: (width, 500), block, region: window.features.whole(), features: 10 };
+            let groups = (0..CLUSTERS as u16).collect();
+            let region = window.features.whole();
+            let whole =
+                DenoisedRegion { size: (width, 500), block, region, features: 10, groups, origin: ImageOrigin::Traced };
             let mut denoising = Denoiser::new(whole, reach, &guides, &pool);
             let said = Denoiser::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
             while let Some(wanted) = denoising.wants() {

@@ -14,7 +14,8 @@
 //!    weighted by the guides of the other half.
 //! 3. Each cluster image of indirect light is filtered again with weights of its own (`alone`), since one lamp has no
 //!    edges where another has its shadows. Large images have a near and a far pass. The sum of all images is unchanged.
-//! 4. For each pixel and cluster the filtered value is mixed with the input to minimise the estimated risk (Stein
+//! 4. What filtering has averaged away and both halves of the samples agree on is given back (`detail`).
+//! 5. For each pixel and cluster the filtered value is mixed with the input to minimise the estimated risk (Stein
 //!    1981). So at many samples nothing is averaged.
 //!
 //! Weights add up to 1: a firefly is spread over similar pixels, not clipped. An isolated firefly has no similar
@@ -26,6 +27,7 @@ mod constants;
 mod denoise_inputs;
 mod denoised_source;
 mod denoiser;
+mod detail;
 mod errors;
 mod external_images;
 mod filter;
@@ -44,7 +46,7 @@ mod surfaces;
 mod upsample_columns;
 
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
-pub const DENOISER_VERSION: u32 = 20;
+pub const DENOISER_VERSION: u32 = 21;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;
@@ -55,4 +57,5 @@ pub(crate) use external_images::{BASIS_LAYER, ExternalImages};
 pub use filter_radii::FilterRadii;
 pub use guide_statistics::{GuideStatistics, Guides};
 pub use image_rows::{ImageRows, Pool, Region};
+pub use shrinkage::ImageOrigin;
 pub use upsample_columns::{ColumnUpsampler, TILE, tile_means};

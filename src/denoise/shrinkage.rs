@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::constants::{MIN_KEPT_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
+use super::constants::{CHANGE, MIN_KEPT_SHARE, MIN_KEPT_SHARE_OF_IMPORTED, OUTLIER, RISK_CELLS, WHOLE_SHARE};
+use super::detail::{DETAIL_REACH, with_detail};
 use super::image_rows::{ImageRows, Pool, Region, shifts};
 use crate::simd::dispatch;
 
@@ -13,7 +14,9 @@ const CELL: usize = 2 * CELL_REACH + 1;
 const SHARE_REACH: usize = 1;
 
 /// Radius, in pixels, that [`mixed`] reads.
-pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
+pub(super) const RISK_REACH: usize = CELLS_REACH + DETAIL_REACH;
+/// Radius, in pixels, of the cells that decide on a pixel.
+const CELLS_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
 
 /// Mixes `smooth` into `raw`, in a region, for each pixel and cluster, to minimise the estimated risk (Stein 1981). Of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both
@@ -23,11 +26,18 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REAC
 /// the error of a caustic would decide for the shadow around it. An outlier is left out of its cell ([`OUTLIER`]). A
 /// firefly that both halves have looks like a detail, but a detail has more than one pixel. A pixel's weight is at least
 /// the mean weight of its neighbours, as far as its own cell alone allows.
-pub(super) fn mixed(raw: &ImageRows, smooth: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
+pub(super) fn mixed(
+    raw: &ImageRows,
+    smooth: &ImageRows,
+    origin: ImageOrigin,
+    region: &Region,
+    pool: &Pool,
+) -> ImageRows {
     let (width, planes) = (raw.width(), raw.planes() / 2);
     let mut mixed = pool.rows_like(raw, raw.planes(), region.y.clone());
     for first in (0..planes).step_by(3) {
-        let cells = Cells::new(raw, smooth, first, region, pool);
+        let smooth = with_detail(raw, smooth, first, &region.grown(CELLS_REACH, raw), pool);
+        let cells = Cells { origin, terms: Cells::terms(raw, &smooth, first, region, pool) };
         let shares = cells.shares(&region.grown(SHARE_REACH, raw), pool);
         let even = shares.box_mean(SHARE_REACH, region, pool);
         mixed.fill_whole_rows(&region.y, |y, row| {
@@ -35,25 +45,28 @@ pub(super) fn mixed(raw: &ImageRows, smooth: &ImageRows, region: &Region, pool: 
             let [own, even, cell] = [shares.row(0, y), even.row(0, y), &cell].map(|row| &row[region.x.clone()]);
             let shares = own.iter().zip(even).zip(cell).map(|((own, even), cell)| own.max(even.min(*cell)));
             let shares: Vec<f32> = shares.collect();
-            for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
+            for (at, plane) in (first..first + 3).chain(planes + first..planes + first + 3).enumerate() {
                 let out = &mut row[plane * width..][region.x.clone()];
-                let [raw, smooth] = [raw, smooth].map(|rows| &rows.row(plane, y)[region.x.clone()]);
+                let [raw, smooth] = [raw.row(plane, y), smooth.row(at, y)].map(|row| &row[region.x.clone()]);
                 let pairs = raw.iter().zip(smooth).zip(&shares);
                 out.iter_mut().zip(pairs).for_each(|(out, ((raw, smooth), share))| *out = raw + share * (smooth - raw));
             }
         });
-        [cells.0, shares, even].into_iter().for_each(|done| pool.keep(done));
+        [cells.terms, shares, even, smooth].into_iter().for_each(|done| pool.keep(done));
     }
     mixed
 }
 
 /// Terms of the risk of the cell around each pixel, in the image of one cluster: gain, change, and squared light.
-struct Cells(ImageRows);
+struct Cells {
+    terms: ImageRows,
+    origin: ImageOrigin,
+}
 
 impl Cells {
-    /// The cells of the cluster whose first plane is `first`.
-    fn new(raw: &ImageRows, smooth: &ImageRows, first: usize, region: &Region, pool: &Pool) -> Self {
-        let around = region.grown(RISK_REACH, raw);
+    /// The terms of the cluster whose first plane is `first`; `smooth` has the planes of this cluster only.
+    fn terms(raw: &ImageRows, smooth: &ImageRows, first: usize, region: &Region, pool: &Pool) -> ImageRows {
+        let around = region.grown(CELLS_REACH, raw);
         let mut terms = pool.rows_like(raw, 3, around.y.clone());
         terms.fill_whole_rows(&around.y, |y, row| {
             row.fill(0.0);
@@ -62,7 +75,7 @@ impl Cells {
             let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[around.x.clone()]);
             for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
-                    (halves(raw, channel, &around.x, y), halves(smooth, channel, &around.x, y));
+                    (halves(raw, channel, &around.x, y), halves(smooth, channel - first, &around.x, y));
                 dispatch(
                     #[inline(always)]
                     || {
@@ -82,25 +95,28 @@ impl Cells {
         });
         let cells = of_cells(&terms, &region.grown(CELL * RISK_CELLS + SHARE_REACH, raw), pool);
         pool.keep(terms);
-        Self(cells)
+        cells
     }
 
     /// The mixing weight α of each pixel of a region.
     fn shares(&self, region: &Region, pool: &Pool) -> ImageRows {
-        let mut shares = pool.rows_like(&self.0, 1, region.y.clone());
+        let mut shares = pool.rows_like(&self.terms, 1, region.y.clone());
         shares.fill_rows(region, |y, _, out| out.copy_from_slice(&self.shares_of_row(y, region)));
         shares
     }
 
     /// The mixing weight of each cell of a row by itself.
     fn own_shares(&self, y: usize) -> Vec<f32> {
-        let [gained, changed] = [0, 1].map(|term| self.0.row(term, y));
-        gained.iter().zip(changed).map(|(gained, changed)| share(*gained, *changed)).collect()
+        let [gained, changed, light] = [0, 1, 2].map(|term| self.terms.row(term, y));
+        let cells = gained.iter().zip(changed).zip(light);
+        cells
+            .map(|((&gain, &change), &light)| share(gain, change, self.origin.shares_believed(change, light)))
+            .collect()
     }
 
     /// [`shares`](Self::shares) of a row.
     fn shares_of_row(&self, y: usize, region: &Region) -> Vec<f32> {
-        let Self(terms) = self;
+        let Self { terms, origin } = self;
         let own = &terms.row(2, y)[region.x.clone()];
         let [mut gains, mut changes] = [0, 1].map(|_| vec![0.0; own.len()]);
         let rows = (0..=2 * RISK_CELLS).filter_map(|cell| (y + CELL * cell).checked_sub(CELL * RISK_CELLS));
@@ -121,7 +137,10 @@ impl Cells {
                 );
             }
         }
-        gains.iter().zip(&changes).map(|(gained, changed)| share(*gained, *changed)).collect()
+        let changed = &terms.row(1, y)[region.x.clone()];
+        let believed = changed.iter().zip(own).map(|(&change, &light)| origin.shares_believed(change, light));
+        let sums = gains.iter().zip(&changes).zip(believed);
+        sums.map(|((&gain, &change), believed)| share(gain, change, believed)).collect()
     }
 }
 
@@ -182,12 +201,32 @@ fn halves<'a>(rows: &'a ImageRows, channel: usize, x: &Range<usize>, y: usize) -
     [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
 }
 
-fn share(gained: f32, changed: f32) -> f32 {
-    if changed > 0.0 { trusted(gained / changed) } else { 1.0 }
+/// Where images come from, and so how well their noise is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageOrigin {
+    /// Traced here: noise and features are known of each pixel's samples.
+    Traced,
+    /// Taken from another program.
+    Imported,
 }
 
-/// The mixing weight for an estimate `best` of the optimum. From 0.5 on the filtered value alone is no worse than the
-/// input. Since noise is more visible than lost detail, it is then taken whole. Below, the weight falls off.
-fn trusted(best: f32) -> f32 {
-    ((best - MIN_KEPT_SHARE) / (WHOLE_SHARE - MIN_KEPT_SHARE)).clamp(0.0, 1.0)
+impl ImageOrigin {
+    /// The estimated best weights below which the filtered value is not taken, and from which on it is taken alone, for a cell of a
+    /// mean squared change and a mean squared light. From 0.5 on it is no worse than the input. Where filtering changes
+    /// much of the light, noise is more visible than lost detail; where it changes little, the best weight is as good as it
+    /// says, if noise is known well.
+    fn shares_believed(self, changed: f32, light: f32) -> (f32, f32) {
+        if self == Self::Imported {
+            return (MIN_KEPT_SHARE_OF_IMPORTED, WHOLE_SHARE);
+        }
+        let (least, most) = CHANGE;
+        let relative = (changed / light.max(f32::MIN_POSITIVE)).sqrt();
+        let whole = WHOLE_SHARE + (1.0 - WHOLE_SHARE) * ((most - relative) / (most - least)).clamp(0.0, 1.0);
+        (MIN_KEPT_SHARE, whole)
+    }
+}
+
+/// The mixing weight: the estimated best one, as far as it is believed.
+fn share(gained: f32, changed: f32, (least, whole): (f32, f32)) -> f32 {
+    if changed > 0.0 { ((gained / changed - least) / (whole - least)).clamp(0.0, 1.0) } else { 1.0 }
 }

@@ -52,6 +52,46 @@ pub fn denoise_errors_line(errors: &DenoiseErrors) -> String {
     )
 }
 
+/// What denoising did to the picture under one light alone, all its columns on, relative L2, estimated from the two halves of the
+/// samples. Of lights that share groups of columns ([`LightGroups`](super::LightGroups)) all together.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct DenoisedLight {
+    /// Noise and bias, for this light.
+    pub errors: DenoiseErrors,
+    /// The sum of the light of the denoised picture over that of the samples. What is below 1 was lost with bright samples that no
+    /// pixel around them confirmed.
+    pub light_kept: f32,
+}
+
+impl DenoisedLight {
+    /// How far the picture is from a converged one, relative L2: noise and bias together.
+    pub fn error(&self) -> f32 {
+        self.errors.noise_after.hypot(self.errors.bias)
+    }
+}
+
+/// Lines on the lights that are farthest off, for people.
+pub fn denoised_light_lines(lights: &[DenoisedLight], basis: &LightBasis) -> Vec<String> {
+    /// Lights that are named.
+    const NAMED: usize = 3;
+    let mut worst: Vec<usize> = (0..lights.len().min(basis.lights().len())).collect();
+    worst.sort_by(|&a, &b| lights[b].error().total_cmp(&lights[a].error()));
+    let line = |&light: &usize| {
+        let DenoisedLight { errors, light_kept } = lights[light];
+        let [after, bias, kept] = [errors.noise_after, errors.bias, light_kept].map(|share| 100.0 * share);
+        format!(
+            "light '{}' alone: noise {after:.1} %, bias {bias:.1} %, {kept:.1} % of the light of its samples kept",
+            basis.lights()[light].name
+        )
+    };
+    let mut lines: Vec<String> = worst.iter().take(NAMED).map(line).collect();
+    if let Some(&next) = worst.get(NAMED) {
+        let error = 100.0 * lights[next].error();
+        lines.push(format!("the other {} lights alone: at most {error:.1} % off", worst.len() - NAMED));
+    }
+    lines
+}
+
 /// The error of exposed images in units of white. The image under each probe lighting
 /// ([`probe_lightings`](super::probe_lightings)) is exposed so that its 95th percentile is white. The error is the root
 /// mean square over pixels that are not clipped; of all lightings the worst.
@@ -116,12 +156,14 @@ impl std::fmt::Display for LightLoss {
 }
 
 /// The errors that are known over the whole image.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StatedErrors {
     /// Errors of compression.
     pub lights: Option<LightErrors>,
     /// Errors of denoising before that.
     pub denoising: Option<DenoiseErrors>,
+    /// Those of denoising for each light alone, in the order of the basis; empty where they are not known.
+    pub denoised_lights: Vec<DenoisedLight>,
     /// That of exposed images, where one was asked for and images were denoised.
     pub exposed: Option<ExposedError>,
 }

@@ -18,6 +18,7 @@ mod basis;
 mod clusters;
 mod environment;
 mod errors;
+mod groups;
 mod job;
 mod lighting;
 mod metadata;
@@ -29,9 +30,10 @@ pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
 pub use clusters::Clusters;
 pub use environment::{EnvironmentMapping, turn_about_vertical};
 pub use errors::{
-    DenoiseErrors, ExposedError, LightErrors, LightLoss, StatedErrors, column_name, denoise_errors_line,
-    expected_error_line, exposed_error_line, light_errors_lines,
+    DenoiseErrors, DenoisedLight, ExposedError, LightErrors, LightLoss, StatedErrors, column_name, denoise_errors_line,
+    denoised_light_lines, expected_error_line, exposed_error_line, light_errors_lines,
 };
+pub use groups::LightGroups;
 pub use job::{DescribedSource, Job, JobHash, Provenance};
 pub use lighting::{LightWeight, Lighting};
 pub(crate) use metadata::{JOB_SECTIONS, decode_positional_job, job_of};

@@ -7,7 +7,7 @@ use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWr
 use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance, StatedErrors};
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, MatrixShape, SparseEntry};
 
-use super::{STATED, block, formats, job, light, small_job};
+use super::{DENOISED_LIGHT, STATED, block, formats, job, light, small_job};
 
 /// The rows of a table of `formats/ltc.md` under `### heading`, without its first.
 fn document_rows(heading: &str) -> Vec<Vec<String>> {
@@ -143,8 +143,8 @@ fn the_metadata_is_written_as_the_document_says() {
     let path = folder.path().join("a.ltc");
     let options = ContainerOptions { report, partial: true, ..Default::default() };
     let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
-    let stated = STATED;
-    writer.state_errors(stated);
+    let stated = StatedErrors { denoised_lights: vec![DENOISED_LIGHT], ..STATED };
+    writer.state_errors(stated.clone());
     writer.finish().unwrap();
     assert_eq!(*ContainerReader::open(&path).unwrap().errors(), stated);
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
@@ -184,6 +184,14 @@ fn the_metadata_is_written_as_the_document_says() {
             ("bias", Value::Floats(vec![0.0625])),
         ],
     );
+    let fields = [
+        ("noise before", Value::Floats(vec![2.5])),
+        ("noise after", Value::Floats(vec![0.375])),
+        ("bias", Value::Floats(vec![0.03125])),
+        ("light kept", Value::Floats(vec![0.875])),
+    ];
+    let light = Value::List(1, written_as_documented("Cleaned light", &fields));
+    let denoised_lights = written_as_documented("Cleaned lights", &[("lights", light)]);
     let exposed = written_as_documented(
         "Exposed error",
         &[("asked", Value::Floats(vec![0.75])), ("reached", Value::Floats(vec![0.5]))],
@@ -195,6 +203,7 @@ fn the_metadata_is_written_as_the_document_says() {
         ("Report", report),
         ("Light errors", errors),
         ("Cleaning errors", denoising),
+        ("Cleaned lights", denoised_lights),
         ("Exposed error", exposed),
     ];
     let documented = document_rows("Sections");
@@ -211,16 +220,17 @@ fn the_metadata_is_written_as_the_document_says() {
 fn each_error_is_kept_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
-    let StatedErrors { lights, denoising, exposed } = STATED;
-    for known in 0..8 {
+    let StatedErrors { lights, denoising, exposed, .. } = STATED;
+    for known in 0..16 {
         let stated = StatedErrors {
             lights: lights.filter(|_| known & 1 > 0),
             denoising: denoising.filter(|_| known & 2 > 0),
             exposed: exposed.filter(|_| known & 4 > 0),
+            denoised_lights: vec![DENOISED_LIGHT; if known & 8 > 0 { job().basis.lights().len() } else { 0 }],
         };
         let options = ContainerOptions { partial: true, overwrite: true, ..Default::default() };
         let mut writer = ContainerWriter::create(&path, &job(), options).unwrap();
-        writer.state_errors(stated);
+        writer.state_errors(stated.clone());
         writer.finish().unwrap();
         assert_eq!(*ContainerReader::open(&path).unwrap().errors(), stated);
     }

@@ -33,7 +33,7 @@ use crate::denoise::DENOISER_VERSION;
 use crate::denoise::{DenoisedSource, ExternalImages};
 use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
-use crate::light::{DenoiseErrors, Job, StatedErrors};
+use crate::light::{DenoiseErrors, DenoisedLight, Job, StatedErrors};
 use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
 use crate::resources::{Held, JobStage, MemoryNeed, PerThread, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress};
@@ -169,7 +169,7 @@ pub(crate) struct Packing {
     /// Hash of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
-    denoising: Option<DenoiseErrors>,
+    denoising: Option<(DenoiseErrors, Vec<DenoisedLight>)>,
     promise: Option<Arc<ErrorMonitor>>,
     basis: Option<ExternalImages>,
     overwrite: bool,
@@ -412,7 +412,9 @@ impl Packing {
         }
         let lights = lights.errors(cut.expected_relative_l2);
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
-        self.writer.state_errors(StatedErrors { lights: Some(lights), denoising: self.denoising, exposed });
+        let (denoising, denoised_lights) = self.denoising.unzip();
+        let denoised_lights = denoised_lights.unwrap_or_default();
+        self.writer.state_errors(StatedErrors { lights: Some(lights), denoising, denoised_lights, exposed });
         let summary = self.writer.finish()?;
         self.analysed.records.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
@@ -430,7 +432,7 @@ impl Packing {
             mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
             sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
             relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
-            denoising: self.denoising,
+            denoising,
             exposed,
             lights,
             lossy_lights,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
-use ltm::light::{Job, Lighting};
+use ltm::light::{DenoisedLight, Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
 use ltm::pipeline::{Features, PASSES, RelightOptions, passes_need_bytes, relight_passes};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
@@ -334,6 +334,17 @@ impl Native {
                     of_denoising.set_item("bias", errors.bias)?;
                     known.set_item("cleaning_errors", of_denoising)?;
                 }
+                let lights = container.job().basis.lights().iter().zip(&container.errors().denoised_lights);
+                let of_lights = PyDict::new(py);
+                for (light, DenoisedLight { errors, light_kept }) in lights {
+                    let of_light = PyDict::new(py);
+                    of_light.set_item("noise_before", errors.noise_before)?;
+                    of_light.set_item("noise_after", errors.noise_after)?;
+                    of_light.set_item("bias", errors.bias)?;
+                    of_light.set_item("light_kept", light_kept)?;
+                    of_lights.set_item(&light.name, of_light)?;
+                }
+                known.set_item("cleaning_errors_of_lights", of_lights)?;
                 if let Some(error) = container.errors().exposed {
                     let of_exposed = PyDict::new(py);
                     of_exposed.set_item("asked", error.asked)?;

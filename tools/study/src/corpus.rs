@@ -14,16 +14,18 @@ use super::interval::mean;
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
 use super::reference::{alone, norm};
-use super::rivals::packed;
+use super::rivals::{PACKED, packed};
 use super::spots::spots;
+use super::stated::{Alone, SeenEmitters};
 use super::table::{Cell, Table};
 use super::timing::{Clock, Took};
 use super::visual_metrics::Seen;
 use ltm::compress::{CompressSettings, Target};
+use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
-use ltm::image::LinearImage;
-use ltm::light::{Job, Light, Lighting};
+use ltm::image::{LinearImage, read_image};
+use ltm::light::{DenoiseErrors, DenoisedLight, Job, Light, Lighting};
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
@@ -111,6 +113,12 @@ struct Rival {
     images: Vec<LinearImage>,
 }
 
+/// All ways, and what the default container states of its lights.
+struct Rivals {
+    rivals: Vec<Rival>,
+    denoised_lights: Vec<DenoisedLight>,
+}
+
 /// What is seen under one lighting.
 struct Judged {
     seen: Seen,
@@ -125,7 +133,7 @@ const DENOISER: &str = "denoiser on each image";
 
 const NOTE: &str = "Scenes that others made, sorted by name: the 1st, 3rd, 5th … choose constants, the 2nd, 4th, 6th … judge. Images against \
 those of a matrix of another seed, mean over the lightings; worst where it says so. Lightings: the scene's own, each light alone, a spot of 0.15 \
-of its side on each light with texels, the texel of each sky that lights most; without those whose image is, in L2, less than a thousandth \
+of its side on each light with texels, the texel of each sky that lights most, each sky under the environment maps of the folder `hdr` of `LTM_SCENES`; without those whose image is, in L2, less than a thousandth \
 of that with all on. ꟻLIP, clip, seams and negative as in `ltm study picture`. Spots: pixels whose displayed luminance exceeds by 0.05 all that the \
 reference shows within two pixels, and whose error exceeds by as much the median error within eight; in thousandths of all pixels. \
 Denoiser: Intel's Open Image Denoise on each raw relit image, high quality, with the reference's own albedo and normals as noise-free guides. Ours, 72 dB: packed finely, as bytes were once chosen. Over \
@@ -143,11 +151,13 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let absent = "The denoiser was not measured: no Python with `pyoidn` was found.";
     let notes = bench.notes(&[NOTE, absent][..if with_denoiser { 1 } else { 2 }]);
     let mut table = Table::new("Scenes that others made, beside a denoiser on each image", notes.clone(), &COLUMNS);
-    let mut each = Table::new("The corpus under each lighting", notes, &EACH_COLUMNS);
+    let mut each = Table::new("The corpus under each lighting", notes.clone(), &EACH_COLUMNS);
+    let mut stated =
+        Table::new("Stated errors of denoising beside real ones", bench.notes(&[STATED_NOTE]), &STATED_COLUMNS);
     bench.watch.begin("corpus", entries.len() as u64, "scenes");
     let mut pictures = Vec::new();
     for entry in &entries {
-        match measure(bench, entry, with_denoiser, (&mut table, &mut each)) {
+        match measure(bench, entry, with_denoiser, [&mut table, &mut each, &mut stated]) {
             Ok(rows) => pictures.push((format!("corpus-{}", entry.name), rows)),
             Err(problem @ Error::Interrupted { .. }) => return Err(problem),
             Err(problem) => bench.watch.note(&format!("corpus: {} was not measured: {problem}", entry.name)),
@@ -157,6 +167,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     bench.watch.end();
     report.add_table(&bench.out, "corpus", &table)?;
     report.add_csv(&bench.out, "corpus-lightings", &each)?;
+    report.add_csv(&bench.out, "corpus-errors", &stated)?;
     for (stem, rows) in &pictures {
         report.add_pictures(&bench.out, stem, rows, 1)?;
     }
@@ -186,6 +197,24 @@ const COLUMNS: [(&str, usize); 22] = [
     ("spots_worst_permille", 2),
     ("negative_permille", 2),
     ("cpu_seconds", 2),
+];
+
+const STATED_NOTE: &str = "What containers state of denoising for each light alone, beside the relative L2 distance from the reference over all pixels \
+that do not show the light itself; the reference's own noise, as it follows from that of the raw matrix, is taken off. Ratio: stated error, noise and bias together, over the \
+distance. Light kept: the sum of the denoised light over that of the samples, as stated; light: the sum of the packed image over that of the reference.";
+
+const STATED_COLUMNS: [(&str, usize); 11] = [
+    ("scene", 0),
+    ("half", 0),
+    ("samples_per_px", 0),
+    ("light", 0),
+    ("stated_noise", 4),
+    ("stated_bias", 4),
+    ("stated_error", 4),
+    ("stated_light_kept", 4),
+    ("error", 4),
+    ("ratio", 3),
+    ("light", 4),
 ];
 
 const EACH_COLUMNS: [(&str, usize); 8] = [
@@ -265,16 +294,17 @@ fn measure(
     bench: &Bench<'_>,
     entry: &Entry,
     with_denoiser: bool,
-    (table, each): (&mut Table, &mut Table),
+    [table, each, stated]: [&mut Table; 3],
 ) -> Result<Vec<Vec<Picture>>> {
     let converged = if bench.quick { 128 } else { bench.corpus.reference_samples };
     let (reference, _) = matrix(bench, entry, (converged, REFERENCE_SEED))?;
     let shown = lightings(&reference)?;
     let surfaces = Surfaces::of(&reference)?.filter(|_| with_denoiser);
+    let seen = SeenEmitters::of(&reference)?;
     let samples: &[u32] = if bench.quick { &[16] } else { &bench.corpus.samples };
     let mut pictures = Vec::new();
     for &samples in samples {
-        let rivals = rivals(bench, entry, samples, &shown, surfaces.as_ref())?;
+        let Rivals { rivals, denoised_lights } = rivals(bench, entry, samples, &shown, surfaces.as_ref())?;
         let judged = judge(&rivals, &shown, reference.shape());
         let cells = [entry.name.as_str().into(), entry.half.name().into(), samples.into()];
         for (rival, judged) in rivals.iter().zip(&judged) {
@@ -283,6 +313,23 @@ fn measure(
                 let measures = [of.seen.flip, of.seen.psnr_clipped, 1e3 * of.spots].map(Cell::from);
                 each.push(cells.iter().cloned().chain(more).chain(measures).collect());
             }
+        }
+        for (at, shown) in shown.iter().enumerate() {
+            let lights = reference.job().basis.lights();
+            let Some(light) = lights.iter().position(|light| light.name == shown.name) else { continue };
+            let images = |method| rivals.iter().find(|rival| rival.method == method).map(|rival| &rival.images[at]);
+            let (Some(ours), Some(raw), Some(&errors)) = (images(OURS), images(RAW), denoised_lights.get(light)) else {
+                continue;
+            };
+            let samples = [samples, converged].map(f64::from);
+            let alone = Alone { light, ours, raw, reference: &shown.reference, samples };
+            let found = alone.compare(&seen);
+            let DenoisedLight { errors: DenoiseErrors { noise_after, bias, .. }, light_kept } = errors;
+            let numbers = [noise_after, bias, errors.error(), light_kept].map(f64::from);
+            let numbers =
+                numbers.into_iter().chain([found.error, f64::from(errors.error()) / found.error, found.light]);
+            let names = [shown.name.as_str().into()];
+            stated.push(cells.iter().cloned().chain(names).chain(numbers.map(Cell::from)).collect());
         }
         for row in rows(&rivals, &judged, reference.shape()) {
             let row: [Cell; COLUMNS.len() - 4] = row;
@@ -304,6 +351,7 @@ pub(super) fn lightings(reference: &StoreReader) -> Result<Vec<Shown>> {
         }
         if light.kind.is_environment() && light.places.len() > 1 {
             named.push((format!("{}: texel", light.name), brightest(reference, light)?));
+            named.extend(real_skies(job, light)?);
         }
     }
     let (names, lightings): (Vec<_>, Vec<_>) = named.into_iter().unzip();
@@ -337,6 +385,26 @@ fn brightest(reference: &StoreReader, light: &Light) -> Result<Lighting> {
     Ok(lightings[best].clone())
 }
 
+/// A sky under each environment map of the folder `hdr` in that of the scenes, where there is one.
+fn real_skies(job: &Job, light: &Light) -> Result<Vec<(String, Lighting)>> {
+    let Some(folder) = std::env::var_os("LTM_SCENES").map(|scenes| Path::new(&scenes).join("hdr")) else {
+        return Ok(Vec::new());
+    };
+    let Some(mapping) = light.kind.environment() else { return Ok(Vec::new()) };
+    let listed = std::fs::read_dir(&folder).map(|files| files.flatten().map(|file| file.path()).collect::<Vec<_>>());
+    let mut maps = listed.unwrap_or_default();
+    maps.retain(|file| file.extension().is_some_and(|kind| kind == "hdr"));
+    maps.sort();
+    let under = |file: PathBuf| {
+        let map = read_image(&file)?;
+        let texels = mapping.resample((map.width, map.height), &map.pixels, 0.0);
+        let weight = |column: usize| texels[column - light.first_column as usize];
+        let name = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        Ok((format!("{}: {name}", light.name), only(light, job.shape.columns(), &weight)?))
+    };
+    maps.into_iter().map(under).collect()
+}
+
 /// A lighting of the columns of one light.
 fn only(light: &Light, columns: usize, weight: &dyn Fn(usize) -> [f32; 3]) -> Result<Lighting> {
     let own = light.columns();
@@ -351,13 +419,14 @@ fn rivals(
     samples: u32,
     shown: &[Shown],
     surfaces: Option<&Surfaces>,
-) -> Result<Vec<Rival>> {
+) -> Result<Rivals> {
     let (matrix, took) = matrix(bench, entry, (samples, 0))?;
     let lightings: Vec<Lighting> = shown.iter().map(|shown| shown.lighting.clone()).collect();
     let options = PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() };
     let clock = Clock::start();
     let ours = packed(bench, &matrix, options.clone(), &lightings)?;
     let mut rivals = vec![Rival { method: OURS, bytes: Some(ours.bytes), took: clock.stop(), images: ours.images }];
+    let denoised_lights = ContainerReader::open(&bench.cached(PACKED))?.errors().denoised_lights.clone();
     let target = Target::PsnrDb(72.0);
     let finer = PackOptions { compress: CompressSettings { target, ..CompressSettings::default() }, ..options };
     let clock = Clock::start();
@@ -369,7 +438,7 @@ fn rivals(
         rivals.push(Rival { method: DENOISER, bytes: None, took: Took { secs, cpu_secs }, images });
     }
     rivals.push(Rival { method: RAW, bytes: Some(matrix.shape().raw_bytes()), took, images: raw });
-    Ok(rivals)
+    Ok(Rivals { rivals, denoised_lights })
 }
 
 /// By rival, then by lighting.

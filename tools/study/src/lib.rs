@@ -41,6 +41,7 @@ mod scaling;
 mod shared;
 mod speed;
 mod spots;
+mod stated;
 mod svd;
 mod table;
 mod timing;

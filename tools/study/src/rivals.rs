@@ -28,6 +28,9 @@ use ltm::store::StoreReader;
 /// Effort of zstd behind every rival: high, as a rival's should be; its time is not compared.
 pub(super) const ZSTD_LEVEL: i32 = 12;
 
+/// Name of the file that [`packed`] leaves.
+pub(super) const PACKED: &str = "packed.ltc";
+
 /// What a compressor made of a matrix.
 pub(super) struct Packed {
     /// Bytes of its file.
@@ -63,7 +66,7 @@ pub(super) fn packed(
     lightings: &[Lighting],
 ) -> Result<Packed> {
     bench.stop_if_interrupted()?;
-    let path = bench.cached("packed.ltc");
+    let path = bench.cached(PACKED);
     options.container.overwrite = true;
     let report = pipeline::pack(matrix, matrix.job(), &path, &options, &bench.silent())?;
     let relighter = CpuRelighter::load(&ContainerReader::open(&path)?)?;

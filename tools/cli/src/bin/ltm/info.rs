@@ -8,8 +8,11 @@ use clap::Args;
 use ltm::container::ContainerReader;
 use ltm::error_estimate::expected_error;
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
+use ltm::light::{
+    DenoisedLight, column_name, denoise_errors_line, denoised_light_lines, expected_error_line, exposed_error_line,
+    light_errors_lines,
+};
 use ltm::light::{Job, Light, LightBasis};
-use ltm::light::{column_name, denoise_errors_line, expected_error_line, exposed_error_line, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::pipeline::open_container;
 use ltm::resources::{MemoryNeed, hold_to_memory, human_bytes, parse_bytes};
@@ -241,6 +244,8 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
     if let Some(errors) = &container.errors().denoising {
         say!("  {}", denoise_errors_line(errors));
     }
+    let of_lights = denoised_light_lines(&container.errors().denoised_lights, &container.job().basis);
+    of_lights.iter().for_each(|line| say!("    {line}"));
     if let Some(error) = &container.errors().exposed {
         say!("  {}", exposed_error_line(error));
     }
@@ -377,6 +382,16 @@ fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -
         Value::Null,
         |errors| json!({ "noise_before": errors.noise_before, "noise_after": errors.noise_after, "bias": errors.bias }),
     );
+    let lights = container.job().basis.lights().iter().zip(&container.errors().denoised_lights);
+    json["cleaning_errors_of_lights"] = lights
+        .map(|(light, DenoisedLight { errors, light_kept })| {
+            json!({
+                "light": light.name, "noise_before": errors.noise_before, "noise_after": errors.noise_after,
+                "bias": errors.bias, "light_kept": light_kept,
+            })
+        })
+        .collect::<Vec<_>>()
+        .into();
     json["exposed_error"] = (container.errors().exposed)
         .map_or(Value::Null, |error| json!({ "asked": error.asked, "reached": error.reached }));
     json["light_errors"] = container.errors().lights.map_or(Value::Null, |errors| {
