@@ -96,13 +96,18 @@ pub(super) const RISK_CELLS: usize = 2;
 /// A pixel is an outlier of its cell, and left out, where its change less its gain exceeds this many times the change
 /// of the others together. Tuned: decision 19.
 pub(super) const OUTLIER: f32 = 3.0;
-/// Estimated best weight of the filtered value: below the first it counts 0, from the second on 1. Compared: decision 49.
+/// Estimated best weight of the filtered value: below the first it counts 0, from the second on 1. Tuned: decision 49.
 pub(super) const MIN_KEPT_SHARE: f32 = 0.2;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
 /// Relative change by filtering up to which a weight of 1 is needed for that, and from which on [`WHOLE_SHARE`].
 pub(super) const CHANGE: (f32, f32) = (0.2, 0.8);
 /// The first of these weights for imported images, whose change does not matter: their noise is known less well.
 pub(super) const MIN_KEPT_SHARE_OF_IMPORTED: f32 = 0.1;
+
+/// Wiener gain of lost detail, and evenness of the square that it is estimated from: up to the first nothing is given back, from the
+/// second on all. Tuned: decision 53.
+pub(super) const DETAIL_GAIN: (f32, f32) = (0.3, 1.0);
+pub(super) const DETAIL_EVENNESS: (f32, f32) = (0.3, 0.6);
 
 /// Correlation of the two halves of the tiles: up to the first they are not believed, from the second on wholly.
 pub(super) const MIN_AGREEMENT: f64 = 0.25;

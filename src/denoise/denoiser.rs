@@ -13,7 +13,7 @@ use super::guides::mixture_planes;
 use super::image_rows::{ImageRows, Pool, Region};
 use super::per_image_filter;
 use super::row_stages::{Stage, Step};
-use super::shrinkage::{ImageOrigin, RISK_REACH, mixed};
+use super::shrinkage::{ImageOrigin, mixed};
 use super::surfaces::Surfaces;
 
 /// Least number of rows denoised in one step.
@@ -159,7 +159,7 @@ impl<'a> Denoiser<'a> {
         let passing = 4
             * (step * (light.planes + light.planes / 2 + 9)
                 + per_image_filter::passing_rows(reach, step)
-                + detail::passing_rows(step + 2 * RISK_REACH)
+                + detail::passing_rows(step)
                 + albedo::passing_rows(step));
         read + held + (more + passing) as u64
     }

@@ -14,9 +14,8 @@ const CELL: usize = 2 * CELL_REACH + 1;
 const SHARE_REACH: usize = 1;
 
 /// Radius, in pixels, that [`mixed`] reads.
-pub(super) const RISK_REACH: usize = CELLS_REACH + DETAIL_REACH;
-/// Radius, in pixels, of the cells that decide on a pixel.
-const CELLS_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
+pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
+const _: () = assert!(DETAIL_REACH <= RISK_REACH);
 
 /// Mixes `smooth` into `raw`, in a region, for each pixel and cluster, to minimise the estimated risk (Stein 1981). Of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both
@@ -36,10 +35,10 @@ pub(super) fn mixed(
     let (width, planes) = (raw.width(), raw.planes() / 2);
     let mut mixed = pool.rows_like(raw, raw.planes(), region.y.clone());
     for first in (0..planes).step_by(3) {
-        let smooth = with_detail(raw, smooth, first, &region.grown(CELLS_REACH, raw), pool);
-        let cells = Cells { origin, terms: Cells::terms(raw, &smooth, first, region, pool) };
+        let cells = Cells { origin, terms: Cells::terms(raw, smooth, first, region, pool) };
         let shares = cells.shares(&region.grown(SHARE_REACH, raw), pool);
         let even = shares.box_mean(SHARE_REACH, region, pool);
+        let smooth = with_detail(raw, smooth, first, region, pool);
         mixed.fill_whole_rows(&region.y, |y, row| {
             let cell = cells.own_shares(y);
             let [own, even, cell] = [shares.row(0, y), even.row(0, y), &cell].map(|row| &row[region.x.clone()]);
@@ -64,9 +63,9 @@ struct Cells {
 }
 
 impl Cells {
-    /// The terms of the cluster whose first plane is `first`; `smooth` has the planes of this cluster only.
+    /// The terms of the cluster whose first plane is `first`.
     fn terms(raw: &ImageRows, smooth: &ImageRows, first: usize, region: &Region, pool: &Pool) -> ImageRows {
-        let around = region.grown(CELLS_REACH, raw);
+        let around = region.grown(RISK_REACH, raw);
         let mut terms = pool.rows_like(raw, 3, around.y.clone());
         terms.fill_whole_rows(&around.y, |y, row| {
             row.fill(0.0);
@@ -75,7 +74,7 @@ impl Cells {
             let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[around.x.clone()]);
             for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
-                    (halves(raw, channel, &around.x, y), halves(smooth, channel - first, &around.x, y));
+                    (halves(raw, channel, &around.x, y), halves(smooth, channel, &around.x, y));
                 dispatch(
                     #[inline(always)]
                     || {

@@ -201,7 +201,7 @@ const COLUMNS: [(&str, usize); 22] = [
 
 const STATED_NOTE: &str = "What containers state of denoising for each light alone, beside the relative L2 distance from the reference over all pixels \
 that do not show the light itself; the reference's own noise, as it follows from that of the raw matrix, is taken off. Ratio: stated error, noise and bias together, over the \
-distance. Light kept: the sum of the denoised light over that of the samples, as stated; light: the sum of the packed image over that of the reference.";
+distance. Light kept: the sum of the denoised light over that of the samples, as stated; packed light: the sum of the packed image over that of the reference.";
 
 const STATED_COLUMNS: [(&str, usize); 11] = [
     ("scene", 0),
@@ -214,7 +214,7 @@ const STATED_COLUMNS: [(&str, usize); 11] = [
     ("stated_light_kept", 4),
     ("error", 4),
     ("ratio", 3),
-    ("light", 4),
+    ("packed_light", 4),
 ];
 
 const EACH_COLUMNS: [(&str, usize); 8] = [
