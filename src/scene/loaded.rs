@@ -52,9 +52,20 @@ impl LoadedScene {
         Self { scene, settings, lighting, warnings, content }
     }
 
-    /// The same scene in an image of so many pixels.
+    /// The same scene with pixels that show the irradiance of what they see, and not its radiance.
+    #[must_use]
+    pub fn showing_irradiance(mut self) -> Self {
+        self.scene.shows_irradiance = self.scene.sensors.is_none();
+        self.content = content_hash(&self.scene, self.settings.max_depth);
+        self
+    }
+
+    /// The same scene in an image of so many pixels. Of sensors there are as many as the scene file says.
     #[must_use]
     pub fn sized(mut self, width: u32, height: u32) -> Self {
+        if self.scene.sensors.is_some() {
+            return self;
+        }
         (self.scene.camera.width, self.scene.camera.height) = (width, height);
         self.content = content_hash(&self.scene, self.settings.max_depth);
         self

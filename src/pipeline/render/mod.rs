@@ -76,7 +76,13 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
             settings.samples_per_pixel,
             settings.max_depth,
             settings.seed,
-            scene.camera.in_words(scene.origin)
+            match &scene.sensors {
+                Some(sensors) => sensors.in_words(),
+                None if scene.shows_irradiance => {
+                    format!("{}{}", scene::IRRADIANCE, scene.camera.in_words(scene.origin))
+                }
+                None => scene.camera.in_words(scene.origin),
+            }
         ),
         metres_per_unit: scene.metres_per_unit,
     };
