@@ -35,10 +35,11 @@ impl Sun {
 /// The sun over a site on a day of the year (1 for the first of January) at an hour of the site's time.
 ///
 /// Declination, equation of time and angles are those of the Illuminating Engineering Society (IES Calculation Procedures Committee 1984,
-/// *Recommended practice for the calculation of daylight availability*, Journal of the IES 13 (4), eqs. 1 to 5), as Radiance has them.
+/// *Recommended practice for the calculation of daylight availability*, Journal of the IES 13 (4), eqs. 1 to 5), the declination with a period
+/// of 365 days for the printed 368, as Radiance 6 has it.
 pub fn sun_at(site: &Site, day_of_year: u16, hour: f64) -> Sun {
     let day = f64::from(day_of_year);
-    let declination = 0.4093 * (2.0 * PI / 368.0 * (day - 81.0)).sin();
+    let declination = 0.4093 * (2.0 * PI / 365.0 * (day - 81.0)).sin();
     let equation_of_time =
         0.170 * (4.0 * PI / 373.0 * (day - 80.0)).sin() - 0.129 * (2.0 * PI / 355.0 * (day - 8.0)).sin();
     let east_of_meridian = (site.longitude_degrees - 15.0 * site.time_zone_hours) / 15.0;

@@ -37,6 +37,18 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     load_with(path, LoadOptions::default())
 }
 
+/// The names of the `[[grid]]` entries of a scene file, and whether it has a camera. A glTF file has no grids.
+///
+/// # Errors
+/// The file cannot be read or is no scene file.
+pub fn grid_names(path: &Path) -> Result<(Vec<String>, bool)> {
+    if is_gltf(path) {
+        return Ok((Vec::new(), true));
+    }
+    let file = file::parse(path, &read_input_text(path, "read the scene", MAX_TEXT_BYTES)?)?;
+    Ok((file.grid.into_iter().map(|grid| grid.name).collect(), file.camera.is_some()))
+}
+
 /// What a scene is allowed to lack, to read and to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
@@ -204,6 +216,10 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
 fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
+    if let Some(grid) = &options.grid {
+        let hint = "name the file as geometry of a scene file with a [[grid]]";
+        return Err(Error::input(place, format!("is a glTF file and has no grid '{grid}'"), hint));
+    }
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
     let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;

@@ -55,7 +55,7 @@ pub use emitter::{
     AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone, SunPlaces,
 };
 pub use lens::Lens;
-pub use load::{LoadOptions, load, load_with};
+pub use load::{LoadOptions, grid_names, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
 pub use material::{
     FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,
