@@ -52,6 +52,11 @@ impl LoadedScene {
         Self { scene, settings, lighting, warnings, content }
     }
 
+    /// Whether what pixels show beside light is traced with them: one sample of a pixel has no halves, and sensors see no surface.
+    pub fn has_planes(&self) -> bool {
+        self.settings.samples_per_pixel > 1 && self.scene.sensors.is_none()
+    }
+
     /// The same scene with pixels that show the irradiance of what they see, and not its radiance.
     #[must_use]
     pub fn showing_irradiance(mut self) -> Self {
