@@ -15,12 +15,21 @@ pub use self::output::{write_ill, write_measures};
 use self::product::{BlockHours, PixelHours};
 use self::year_light::YearLight;
 use crate::container::ContainerReader;
-use crate::daylight::{AnnualMeasures, Climate, HourSums, Schedule, SkyOptions, SpatialMeasures, Thresholds};
+use crate::daylight::{
+    ANNUAL_MEASURES, AnnualMeasures, Climate, HourSums, Schedule, SkyOptions, SpatialMeasures, Thresholds,
+};
 use crate::error::{Error, Result};
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSource, TracedBlock};
 use crate::resources::{Held, PerThread, Progress, ResourceEstimate, Threads};
 use crate::store::StoreReader;
+
+/// Place of the mean illuminance in [`ANNUAL_MEASURES`].
+const MEAN: usize = 6;
+
+/// Mean illuminance over the median of a picture's below which a pixel of a container sees no surface: what compression leaves where an
+/// emitter is in view.
+const LEFT_OVER: f32 = 0.02;
 
 /// Choices of a year.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,11 +59,12 @@ pub enum DaylightSource<'a> {
 pub struct DaylightYear {
     /// Pixels or sensors (across, down).
     pub size: (u32, u32),
-    /// Measures of each, row by row.
+    /// Measures of each, row by row; NaN where no light reaches.
     pub measures: Vec<AnnualMeasures>,
     /// Measures of all that any light reaches.
     pub space: SpatialMeasures,
-    /// Pixels or sensors that no light reaches.
+    /// Pixels or sensors that no light reaches; of a container also pixels below a fiftieth of the median's illuminance, which see
+    /// emitters and no surface.
     pub dark: usize,
     /// Lit steps of the climate.
     pub lit_steps: usize,
@@ -157,8 +167,24 @@ pub fn daylight(
     let steps_of_hour = climate.steps_of_hour().unwrap_or(1) as f64;
     let sums = sums.into_inner().expect("no panic holds it");
     let of = |sums: &HourSums| sums.measures(year.used, year.day, steps_of_hour, year.knows_sun);
-    let measures: Vec<AnnualMeasures> = sums.iter().map(of).collect();
-    let lit = || measures.iter().zip(&sums).filter(|(_, sums)| !sums.is_dark()).map(|(measures, _)| measures);
+    let mut measures: Vec<AnnualMeasures> = sums.iter().map(of).collect();
+    let least = match source {
+        DaylightSource::Container(_) => LEFT_OVER * median(measures.iter().map(|pixel| pixel.values[MEAN])),
+        DaylightSource::Stored(_) => 0.0,
+    };
+    for (pixel, sums) in measures.iter_mut().zip(&sums) {
+        if sums.is_dark() || pixel.values[MEAN] < least {
+            pixel.values = [f32::NAN; ANNUAL_MEASURES.len()];
+        }
+    }
+    let lit = || measures.iter().filter(|pixel| !pixel.values[MEAN].is_nan());
     let (space, dark) = (SpatialMeasures::of(lit()), pixels - lit().count());
     Ok(DaylightYear { size: (shape.width(), shape.height()), measures, space, dark, lit_steps: year.hours() })
+}
+
+/// The median of the values above 0; 0 without any.
+fn median(values: impl Iterator<Item = f32>) -> f32 {
+    let mut lit: Vec<f32> = values.filter(|value| *value > 0.0).collect();
+    let middle = lit.len() / 2;
+    if lit.is_empty() { 0.0 } else { *lit.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }

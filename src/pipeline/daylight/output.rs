@@ -59,13 +59,10 @@ pub fn write_measures(
         written.push(table);
     }
     for (measure, (name, unit)) in ANNUAL_MEASURES.into_iter().enumerate() {
-        let is_known =
-            |pixel: &&crate::daylight::AnnualMeasures| pixel.values[6] > 0.0 && !pixel.values[measure].is_nan();
-        if !year.measures.iter().any(|pixel| is_known(&pixel)) {
+        let shown: Vec<f32> = values(measure).collect();
+        if shown.iter().all(|value| value.is_nan()) {
             continue;
         }
-        let shown: Vec<f32> =
-            year.measures.iter().map(|pixel| if is_known(&pixel) { pixel.values[measure] } else { f32::NAN }).collect();
         let largest = shown.iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
         let end = SCALE_ENDS[measure].unwrap_or_else(|| round_up(largest));
         let picture = named(format!("-{name}.png"));
@@ -96,7 +93,7 @@ fn table_of(year: &DaylightYear, places: &[([f32; 3], [f32; 3])]) -> String {
     for ((position, normal), measures) in places.iter().zip(&year.measures) {
         let numbers = position.iter().chain(normal).chain(&measures.values);
         let words: Vec<String> =
-            numbers.map(|value| if value.is_nan() { String::new() } else { value.to_string() }).collect();
+            numbers.map(|value| if value.is_nan() { String::new() } else { (value + 0.0).to_string() }).collect();
         text += &words.join(",");
         text.push('\n');
     }
