@@ -1,6 +1,6 @@
 //! Lights and weights as Python gives and takes them.
 
-use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
+use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting, SkyPatches};
 use ltm::matrix::CHANNELS;
 use ltm::{Error, Result};
 
