@@ -55,6 +55,7 @@
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix`, `resources` |
 //! | `light` | `error`, `encoding`, `sections`, `matrix` |
+//! | `daylight` | `error`, `files`, `light` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `decimal`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene`, `resources` |
@@ -67,7 +68,7 @@
 //! | `block_records` | `error`, `files`, `resources` |
 //! | `denoise` | `error`, `files`, `matrix`, `image`, `light`, `compress`, `resources`, `block_records`, `simd` |
 //! | `error_estimate` | `error`, `matrix`, `image`, `light`, `store`, `resources`, `denoise` |
-//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate` |
+//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate`, `daylight` |
 //! | `memory_matrix` | `error`, `matrix`, `image`, `light` |
 //! | `open` | `error`, `matrix`, `image`, `light`, `store`, `container`, `relight`, `pipeline`, `resources`, `blob_store` |
 //! | `make` | `error`, `light`, `scene`, `pipeline`, `resources` |
@@ -84,9 +85,9 @@
 //! | `wgpu`, `pollster` | `relight/gpu` |
 //! | `draco_core`, `meshoptimizer_rs` | `scene/gltf` |
 //! | `earcut` | `scene` |
-//! | `faer` | `denoise`, `compress` |
+//! | `faer` | `denoise`, `compress`, `pipeline` |
 //! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
-//! | `glam` | `light`, `scene`, `trace` |
+//! | `glam` | `daylight`, `light`, `scene`, `trace` |
 //! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |
 //! | `serde_json` | `look`, `scene` |
@@ -101,7 +102,7 @@
 //! | `sha2` | `block_records`, `container`, `denoise`, `light`, `memory_matrix`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `block_records`, `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `block_records`, `denoise`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
-//! | `pulp` | `denoise`, `container`, `relight`, `store`, `trace`, `simd` |
+//! | `pulp` | `denoise`, `container`, `pipeline`, `relight`, `store`, `trace`, `simd` |
 //! | `rayon` | `error_estimate`, `farm`, `denoise`, `compress`, `container`, `resources`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `denoise`, `farm`, `pipeline`, `trace` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `blob_store` |
@@ -121,6 +122,7 @@ pub mod blob_store;
 mod block_records;
 pub mod compress;
 pub mod container;
+pub mod daylight;
 #[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "scenes have most numbers that are written out"))]
 mod decimal;
 #[doc(hidden)]

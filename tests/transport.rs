@@ -97,6 +97,7 @@ fn mirrors_glass_and_thin_sheets_vanish_in_a_white_furnace() {
         let sky = EnvironmentEmitter {
             mapping: EnvironmentMapping::Octahedral { side: 4 },
             world_from_environment: glam::Mat3::IDENTITY,
+            is_split: false,
         };
         builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
         let pixels = all_on(&trace(builder.build(), settings(64, 256)));

@@ -27,6 +27,7 @@ mod read;
 mod rgba;
 mod tone;
 mod tone_tables;
+mod value_map;
 
 pub use exr_file::{
     FetchChannel, FetchRow, ImageSize, exr_rows_need_bytes, write_exr, write_exr_channels, write_exr_layers,
@@ -36,7 +37,7 @@ pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
 pub use linear::{LinearImage, luminance};
 pub(crate) use measure::percentile;
 pub use measure::{ImageError, compare};
-pub use npy::write_npy;
+pub use npy::{npy_header, write_npy, write_npy_values};
 pub use per_light::{FeaturePasses, LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
 pub use read::{decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
 pub use rgba::{ImageFacts, RgbaImage};
@@ -45,3 +46,4 @@ pub use tone::{
     write_rgb_png, write_toned_png,
 };
 pub use tone_tables::ToneTables;
+pub use value_map::{ValueScale, write_value_map};

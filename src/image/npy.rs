@@ -146,7 +146,7 @@ pub fn write_npy(path: &Path, overwrite: bool, images: usize, size: ImageSize, f
     let failed = || Error::io(path, "write the array");
     replace(path, overwrite, |file| {
         let mut writer = BufWriter::new(file);
-        writer.write_all(&header_of(&[images, size.height, size.width, 3])).map_err(failed())?;
+        writer.write_all(&npy_header(&[images, size.height, size.width, 3])).map_err(failed())?;
         let mut rows = [0, 1, 2].map(|_| vec![0.0f32; size.width]);
         for image in 0..images {
             for y in 0..size.height {
@@ -164,8 +164,26 @@ pub fn write_npy(path: &Path, overwrite: bool, images: usize, size: ImageSize, f
     })
 }
 
+/// Writes values as a little-endian f32 array of this shape, the last dimension fastest. `overwrite`: a file of that name is
+/// replaced, whole.
+///
+/// # Errors
+/// The file exists and may not be replaced; the system refuses to write. Then the old file stands.
+pub fn write_npy_values(
+    path: &Path,
+    overwrite: bool,
+    shape: &[usize],
+    values: impl Iterator<Item = f32>,
+) -> Result<()> {
+    let failed = || Error::io(path, "write the array");
+    replace(path, overwrite, |writer| {
+        writer.write_all(&npy_header(shape)).map_err(failed())?;
+        values.map(f32::to_le_bytes).try_for_each(|bytes| writer.write_all(&bytes)).map_err(failed())
+    })
+}
+
 /// Magic, version 1.0 and header of a C-ordered array of little-endian f32.
-fn header_of(shape: &[usize]) -> Vec<u8> {
+pub fn npy_header(shape: &[usize]) -> Vec<u8> {
     let shape: Vec<String> = shape.iter().map(ToString::to_string).collect();
     let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.join(", "));
     // The header ends with a line end where the values begin.
@@ -190,7 +208,7 @@ mod tests {
 
     #[test]
     fn headers_come_back_as_written() {
-        let bytes = header_of(&[3, 24, 40, 3]);
+        let bytes = npy_header(&[3, 24, 40, 3]);
         let header = NpyHeader::read(&mut bytes.as_slice()).unwrap();
         assert_eq!(
             (header.descr.as_str(), header.fortran_order, header.shape.as_slice()),

@@ -5,6 +5,7 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::SkyPatches;
 use crate::encoding::{Decode, Encode};
 use crate::error::{Error, Result};
 use crate::matrix::{ColumnIndex, MatrixShape};
@@ -43,6 +44,21 @@ pub enum LightKind {
     Ies,
     /// A light known only by its rendered image: one column.
     Image,
+    /// A sky of Tregenza's or Reinhart's patches, see [`SkyPatches`](super::SkyPatches): a column for each of the `144 · MF² + 2`, the
+    /// lower hemisphere first.
+    Patches {
+        /// `MF`.
+        subdivision: u32,
+        /// Whether there is a second row of columns: the first has the light that comes straight from the sky, the second what other surfaces
+        /// reflect of it.
+        is_split: bool,
+    },
+    /// Places of the sun, parallel or of small angular radius: a column for each, which has the light that comes straight from there and
+    /// nothing that other surfaces reflect of it.
+    Suns {
+        /// Number of places.
+        count: u32,
+    },
 }
 
 /// The unit of a weight 1 on a column.
@@ -110,7 +126,7 @@ impl Light {
 impl LightKind {
     /// Whether its texels are directions of an environment.
     pub fn is_environment(self) -> bool {
-        matches!(self, Self::LatLong { .. } | Self::Octahedral { .. })
+        matches!(self, Self::LatLong { .. } | Self::Octahedral { .. } | Self::Patches { .. })
     }
 
     /// Texels (across, down); (1, 1) for lights of one column.
@@ -118,6 +134,11 @@ impl LightKind {
         match self {
             Self::AreaTexels { across, down } | Self::LatLong { across, down } => (across, down),
             Self::Octahedral { side } => (side, side),
+            Self::Patches { subdivision, is_split } => {
+                // What is no division has no columns, so that no light can have it.
+                (SkyPatches::of_subdivision(subdivision).map_or(0, SkyPatches::count), 1 + u32::from(is_split))
+            }
+            Self::Suns { count } => (count, 1),
             Self::Lamp | Self::Point | Self::Spot | Self::Sun | Self::Ies | Self::Image => (1, 1),
         }
     }
@@ -134,6 +155,8 @@ impl LightKind {
             Self::Sun => "sun",
             Self::Ies => "ies",
             Self::Image => "image",
+            Self::Patches { .. } => "patches",
+            Self::Suns { .. } => "suns",
         }
     }
 }
@@ -151,6 +174,11 @@ impl fmt::Display for LightKind {
             Self::Sun => f.write_str("sun"),
             Self::Ies => f.write_str("luminaire with a measured distribution"),
             Self::Image => f.write_str("light known by its picture"),
+            Self::Patches { subdivision: 1, .. } => write!(f, "environment, {across} patches of Tregenza"),
+            Self::Patches { subdivision, .. } => {
+                write!(f, "environment, {across} patches of Reinhart, MF {subdivision}")
+            }
+            Self::Suns { count } => write!(f, "sun in {count} places"),
         }
     }
 }

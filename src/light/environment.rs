@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::{Light, LightKind};
+use super::{Light, LightKind, SkyPatches};
 
 /// How an environment's columns lie on the sphere of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +24,8 @@ pub enum EnvironmentMapping {
         /// Texels along each side.
         side: u32,
     },
+    /// Tregenza's or Reinhart's patches.
+    Patches(SkyPatches),
 }
 
 impl EnvironmentMapping {
@@ -38,11 +40,15 @@ impl EnvironmentMapping {
         match self {
             Self::LatLong { across, down } => (across, down),
             Self::Octahedral { side } => (side, side),
+            Self::Patches(patches) => (patches.count(), 1),
         }
     }
 
     /// The texel that a unit direction falls into.
     pub fn texel_at(self, direction: Vec3) -> u32 {
+        if let Self::Patches(patches) = self {
+            return patches.patch_at(direction);
+        }
         let (across, down) = self.layout();
         let at = self.image_position(direction) * Vec2::new(across as f32, down as f32);
         // Float to integer conversion saturates, so a coordinate of exactly 1 (or NaN) still gives a texel.
@@ -65,6 +71,15 @@ impl EnvironmentMapping {
                 Vec3::new(ring * sin, y, -ring * cos)
             }
             Self::Octahedral { side } => from_square(Vec2::new(column + offset.x, row + offset.y) / side as f32),
+            Self::Patches(patches) => patches.direction_at(texel, offset),
+        }
+    }
+
+    /// The unit direction of a texel's middle.
+    pub fn middle(self, texel: u32) -> Vec3 {
+        match self {
+            Self::LatLong { .. } | Self::Octahedral { .. } => self.direction_at(texel, Vec2::splat(0.5)),
+            Self::Patches(patches) => patches.middle_direction(texel),
         }
     }
 
@@ -78,6 +93,7 @@ impl EnvironmentMapping {
                 (turn * 2.0 * middle.sin() * half_row.sin()) as f32
             }
             Self::Octahedral { side } => 4.0 * PI / (side as f32 * side as f32),
+            Self::Patches(patches) => patches.solid_angle(texel),
         }
     }
 
@@ -119,7 +135,7 @@ impl EnvironmentMapping {
             }
         }
         let nearest = |texel: usize| {
-            let direction = turn_about_vertical(self.direction_at(texel as u32, Vec2::splat(0.5)), -turn_radians);
+            let direction = turn_about_vertical(self.middle(texel as u32), -turn_radians);
             radiance(pixels[grid.texel_at(direction) as usize]).map(f64::from)
         };
         let means: Vec<[f64; 3]> = (sums.iter().enumerate())
@@ -138,7 +154,7 @@ impl EnvironmentMapping {
 
     /// Position of a unit direction in the environment's image, `[0, 1]²` from its top left.
     ///
-    /// A lat-long image has the zenith at its top, −z at its left edge, +x at a quarter of its width.
+    /// A lat-long image has the zenith at its top, −z at its left edge, +x at a quarter of its width. That of patches is a row of them.
     pub fn image_position(self, direction: Vec3) -> Vec2 {
         match self {
             Self::LatLong { .. } => {
@@ -148,6 +164,9 @@ impl EnvironmentMapping {
                 Vec2::new(turn / TAU, polar / PI)
             }
             Self::Octahedral { .. } => to_square(direction),
+            Self::Patches(patches) => {
+                Vec2::new((patches.patch_at(direction) as f32 + 0.5) / patches.count() as f32, 0.5)
+            }
         }
     }
 }
@@ -171,9 +190,17 @@ impl LightKind {
         match self {
             Self::LatLong { across, down } => Some(EnvironmentMapping::LatLong { across, down }),
             Self::Octahedral { side } => Some(EnvironmentMapping::Octahedral { side }),
-            Self::Lamp | Self::AreaTexels { .. } | Self::Point | Self::Spot | Self::Sun | Self::Ies | Self::Image => {
-                None
+            Self::Patches { subdivision, .. } => {
+                SkyPatches::of_subdivision(subdivision).map(EnvironmentMapping::Patches)
             }
+            Self::Lamp
+            | Self::AreaTexels { .. }
+            | Self::Point
+            | Self::Spot
+            | Self::Sun
+            | Self::Suns { .. }
+            | Self::Ies
+            | Self::Image => None,
         }
     }
 }
@@ -183,9 +210,11 @@ impl Light {
     pub fn of_texels(name: impl Into<String>, kind: LightKind) -> Self {
         let mut light = Self::unplaced(name, kind);
         if let Some(sky) = kind.environment() {
-            let middle = |texel| sky.direction_at(texel, Vec2::splat(0.5)).to_array();
-            light.places = (0..sky.texel_count()).map(middle).collect();
-            light.extents = (0..sky.texel_count()).map(|texel| sky.solid_angle(texel)).collect();
+            // A sky whose reflected light has columns of its own has each texel twice.
+            let texels = || (0..light.places.len() as u32).map(|column| column % sky.texel_count());
+            let (places, extents) =
+                (texels().map(|texel| sky.middle(texel).to_array()), texels().map(|texel| sky.solid_angle(texel)));
+            (light.places, light.extents) = (places.collect(), extents.collect());
         }
         light
     }
@@ -196,6 +225,9 @@ impl From<EnvironmentMapping> for LightKind {
         match mapping {
             EnvironmentMapping::LatLong { across, down } => Self::LatLong { across, down },
             EnvironmentMapping::Octahedral { side } => Self::Octahedral { side },
+            EnvironmentMapping::Patches(patches) => {
+                Self::Patches { subdivision: patches.subdivision(), is_split: false }
+            }
         }
     }
 }

@@ -303,7 +303,7 @@ mod tests {
             extents: vec![8.0],
         };
         let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-        let kinds: [(LightKind, &[u8]); 9] = [
+        let kinds: [(LightKind, &[u8]); 11] = [
             (LightKind::Lamp, &[0]),
             (LightKind::AreaTexels { across: 20, down: 15 }, &[1, 20, 15]),
             (LightKind::LatLong { across: 20, down: 15 }, &[2, 20, 15]),
@@ -313,6 +313,8 @@ mod tests {
             (LightKind::Sun, &[6]),
             (LightKind::Ies, &[7]),
             (LightKind::Image, &[8]),
+            (LightKind::Patches { subdivision: 4, is_split: true }, &[9, 4, 1]),
+            (LightKind::Suns { count: 20 }, &[10, 20]),
         ];
         let units = [LightUnit::Radiance, LightUnit::Intensity, LightUnit::Irradiance, LightUnit::Multiple];
         for (kind, kind_bytes) in kinds {

@@ -23,6 +23,7 @@ mod job;
 mod lighting;
 mod metadata;
 pub mod names;
+mod patches;
 mod prior;
 mod probes;
 
@@ -38,6 +39,7 @@ pub use job::{DescribedSource, Job, JobHash, Provenance};
 pub use lighting::{LightWeight, Lighting};
 pub(crate) use metadata::{JOB_SECTIONS, decode_positional_job, job_of};
 pub use metadata::{decode_job, encode_job};
+pub use patches::SkyPatches;
 pub use prior::LightingPrior;
 // What studies and tests judge by.
 #[doc(hidden)]

@@ -231,7 +231,11 @@ fn sites(basis: &LightBasis) -> Vec<Site> {
                     [(f64::from(u) + 0.5) / f64::from(across), (f64::from(v) + 0.5) / f64::from(down), 0.0]
                 }
                 // Directions lie on a sphere of diameter 1.
-                LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Sun => {
+                LightKind::LatLong { .. }
+                | LightKind::Octahedral { .. }
+                | LightKind::Patches { .. }
+                | LightKind::Sun
+                | LightKind::Suns { .. } => {
                     let norm = place.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-30);
                     place.map(|v| 0.5 * v / norm)
                 }

@@ -140,7 +140,9 @@ impl Resolver<'_> {
             let gain = finite(environment.stops.exp2()).ok_or_else(|| refuse("has stops out of range".into()))?;
             let turn_radians = environment.rotation_degrees.to_radians();
             let shown = mapping.resample((map.width, map.height), &map.pixels, turn_radians);
-            weights.iter_mut().zip(shown).for_each(|(weight, value)| *weight = value.map(|v| v * gain));
+            // A split sky has each texel twice.
+            let texels = shown.iter().cycle();
+            weights.iter_mut().zip(texels).for_each(|(weight, value)| *weight = value.map(|v| v * gain));
         }
         if rule.color.is_some() || rule.intensity.is_some() {
             let chroma = rule.color.as_ref().map(chromaticity).transpose().map_err(&refuse)?;
@@ -224,13 +226,17 @@ impl Resolver<'_> {
         if !light.kind.is_environment() {
             return Err("has no directions to put a sun in; name an environment, or suns".into());
         }
-        let texel = nearest_texel(light, unit(direction)?);
-        let total = [0, 1, 2].map(|ch: usize| {
-            weights.iter().zip(&light.extents).map(|(weight, extent)| weight[ch] * extent).sum::<f32>()
-        });
-        let extent = light.extents[texel].max(4.0 * PI * 1e-9);
-        weights.fill([0.0; 3]);
-        weights[texel] = total.map(|v| v / extent);
+        // A split sky has each texel twice.
+        let texels = light.kind.environment().map_or(weights.len(), |mapping| mapping.texel_count() as usize);
+        let texel = nearest_texel(light, unit(direction)?) % texels;
+        for weights in weights.chunks_exact_mut(texels) {
+            let total = [0, 1, 2].map(|ch: usize| {
+                weights.iter().zip(&light.extents).map(|(weight, extent)| weight[ch] * extent).sum::<f32>()
+            });
+            let extent = light.extents[texel].max(4.0 * PI * 1e-9);
+            weights.fill([0.0; 3]);
+            weights[texel] = total.map(|v| v / extent);
+        }
         Ok(())
     }
 

@@ -21,6 +21,7 @@
 
 mod column_scales;
 mod compare;
+mod daylight;
 #[cfg(feature = "scene")]
 pub mod demo;
 mod features;
@@ -36,6 +37,7 @@ mod unpack;
 mod verify;
 
 pub use compare::{BlockComparison, WorstEntry, compare_matrices, total_relative_l2};
+pub use daylight::{DaylightOptions, DaylightSource, DaylightYear, daylight, write_ill, write_measures};
 pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};

@@ -1,11 +1,11 @@
 //! A scene under construction: geometry, materials and lights are added, and stay consistent with each other.
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec3};
 
 use super::shapes;
 use super::{
-    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, Material, MaterialId, Mesh, PointEmitter, Surface, Texture,
-    Triangle,
+    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, Material, MaterialId, Mesh, PointEmitter, SunPlaces, Surface,
+    Texture, Triangle,
 };
 use crate::error::Result;
 use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
@@ -87,20 +87,41 @@ impl Assembly {
         name: &str,
         mapping: EnvironmentMapping,
         rotation: Quat,
+        is_split: bool,
         emission: [f32; 3],
     ) -> Result<()> {
-        let texels = 0..mapping.texel_count();
+        let copies = 1 + u32::from(is_split);
+        let texels = (0..copies).flat_map(|_| 0..mapping.texel_count());
+        let kind = match mapping {
+            EnvironmentMapping::Patches(patches) => LightKind::Patches { subdivision: patches.subdivision(), is_split },
+            _ => mapping.into(),
+        };
         let light = Light {
             name: name.into(),
-            kind: mapping.into(),
+            kind,
             unit: LightUnit::Radiance,
             emission,
             first_column: 0,
-            places: texels.clone().map(|t| (rotation * mapping.direction_at(t, Vec2::splat(0.5))).into()).collect(),
+            places: texels.clone().map(|t| (rotation * mapping.middle(t)).into()).collect(),
             extents: texels.map(|t| mapping.solid_angle(t)).collect(),
         };
         let world_from_environment = glam::Mat3::from_quat(rotation);
-        self.light(Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment }), light)
+        self.light(Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment, is_split }), light)
+    }
+
+    /// Appends places of the sun, each of which is a column, in units of irradiance.
+    pub(super) fn suns(&mut self, name: &str, suns: SunPlaces, emission: [f32; 3]) -> Result<()> {
+        let solid_angle = 4.0 * std::f32::consts::PI * (0.5 * suns.angular_radius_radians).sin().powi(2);
+        let light = Light {
+            name: name.into(),
+            kind: LightKind::Suns { count: suns.towards.len() as u32 },
+            unit: LightUnit::Irradiance,
+            emission,
+            first_column: 0,
+            places: suns.towards.iter().map(|towards| towards.to_array()).collect(),
+            extents: vec![solid_angle; suns.towards.len()],
+        };
+        self.light(Emitter::Suns(suns), light)
     }
 
     /// Appends a point-like light.

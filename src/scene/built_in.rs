@@ -109,7 +109,7 @@ impl BuiltIn {
                 assembly.add(shapes::cuboid(Vec3::new(0.8, 0.5, -0.4), Vec3::new(0.3, 0.5, 0.3), 0.5), clay);
                 let mapping = EnvironmentMapping::LatLong { across: self.texels, down: self.texels.div_ceil(2) };
                 self.check_columns(mapping.layout())?;
-                assembly.environment("sky", mapping, Quat::IDENTITY, [1.0; 3])?;
+                assembly.environment("sky", mapping, Quat::IDENTITY, false, [1.0; 3])?;
             }
             _ => {
                 let known = BUILT_IN_NAMES.join(", ");
@@ -135,6 +135,8 @@ impl BuiltIn {
             camera,
             emitters,
             unseen_lights,
+            sensors: None,
+            shows_irradiance: false,
             basis,
             metres_per_unit: 1.0,
         };

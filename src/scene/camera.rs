@@ -129,6 +129,23 @@ impl Camera {
         camera.projected(Projection::Perspective { vertical_fov_radians })
     }
 
+    /// What stands for a camera where there are sensors: only the size counts.
+    pub(super) fn of_sensors((width, height): (u32, u32)) -> Self {
+        Self {
+            eye: Vec3::ZERO,
+            forward: Vec3::NEG_Z,
+            right: Vec3::X,
+            up: Vec3::Y,
+            projection: Projection::Panorama,
+            shift: Vec2::ZERO,
+            pixel_aspect: 1.0,
+            lens: None,
+            width,
+            height,
+            filter: PixelFilter::Box,
+        }
+    }
+
     /// The camera with another projection.
     ///
     /// # Errors

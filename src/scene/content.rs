@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
 use super::{
     Camera, Emitter, FloatTexture, Lens, Material, Paint, PixelFilter, Placing, PointEmitter, PrincipledSurface,
-    Projection, Relief, Scene, SpotCone, Surface, Texels, TextureId,
+    Projection, Relief, Scene, Sensor, SpotCone, SunPlaces, Surface, Texels, TextureId,
 };
 use crate::light::EnvironmentMapping;
 
@@ -31,6 +31,8 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
         materials,
         textures,
         camera,
+        sensors,
+        shows_irradiance,
         emitters,
         unseen_lights,
         basis: _,
@@ -67,6 +69,15 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     parts.camera(camera);
     parts.whole(emitters.len() as u64);
     emitters.iter().for_each(|emitter| parts.emitter(emitter));
+    if *shows_irradiance {
+        parts.whole(u64::MAX - 2);
+    }
+    if let Some(sensors) = sensors {
+        parts.whole(u64::MAX - 1);
+        for Sensor { position, normal } in sensors.points() {
+            [position, normal].into_iter().for_each(|vector| parts.vector(*vector));
+        }
+    }
     if !unseen_lights.is_empty() {
         // No depth is as large, so that it tells the two apart.
         parts.whole(u64::MAX);
@@ -254,14 +265,20 @@ impl Parts {
                 self.whole(1);
                 self.point(point);
             }
-            Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment }) => {
+            Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment, is_split }) => {
                 self.whole(2);
                 let (kind, across, down) = match *mapping {
                     EnvironmentMapping::LatLong { across, down } => (0, across, down),
                     EnvironmentMapping::Octahedral { side } => (1, side, side),
+                    EnvironmentMapping::Patches(patches) => (2, patches.subdivision(), u32::from(*is_split)),
                 };
                 [kind, across, down].into_iter().for_each(|number| self.whole(number.into()));
                 self.matrix(world_from_environment);
+            }
+            Emitter::Suns(SunPlaces { towards, angular_radius_radians }) => {
+                self.whole(3);
+                self.bytes(bytemuck::cast_slice(towards));
+                self.number(*angular_radius_radians);
             }
         }
     }

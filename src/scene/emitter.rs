@@ -118,6 +118,18 @@ pub struct EnvironmentEmitter {
     pub mapping: EnvironmentMapping,
     /// Rotation from the environment's own axes to the world's.
     pub world_from_environment: Mat3,
+    /// Whether light that other surfaces reflect has columns of its own, behind those of the texels.
+    pub is_split: bool,
+}
+
+/// Places of the sun, of one column each, in which it gives irradiance 1 on a plane facing it. The columns have the light that comes
+/// straight from there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SunPlaces {
+    /// Unit vectors towards the sun.
+    pub towards: Vec<Vec3>,
+    /// Half angle of its disc; 0 for parallel light.
+    pub angular_radius_radians: f32,
 }
 
 /// One emitter: what is behind one light of the basis.
@@ -129,6 +141,8 @@ pub enum Emitter {
     Point(PointEmitter),
     /// The surroundings.
     Environment(EnvironmentEmitter),
+    /// Places of the sun.
+    Suns(SunPlaces),
 }
 
 impl AreaLayout {

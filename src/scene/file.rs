@@ -19,7 +19,9 @@ pub(super) struct SceneFile {
     pub(super) name: Option<String>,
     pub(super) geometry: Vec<String>,
     pub(super) metres_per_unit: Option<f32>,
-    pub(super) camera: CameraEntry,
+    pub(super) camera: Option<CameraEntry>,
+    #[serde(default)]
+    pub(super) grid: Vec<GridEntry>,
     #[serde(default)]
     pub(super) render: RenderEntry,
     #[serde(default)]
@@ -49,6 +51,31 @@ pub(super) struct CameraEntry {
     pub(super) height: Option<u32>,
     pub(super) filter: Option<FilterEntry>,
     pub(super) filter_radius: Option<f32>,
+    pub(super) irradiance: Option<bool>,
+}
+
+/// `[[grid]]`: sensors in the place of a camera.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GridEntry {
+    pub(super) name: String,
+    pub(super) origin: Option<[f64; 3]>,
+    pub(super) edge_u: Option<[f32; 3]>,
+    pub(super) edge_v: Option<[f32; 3]>,
+    pub(super) spacing: Option<f32>,
+    pub(super) faces: Option<[f32; 3]>,
+    pub(super) points: Option<String>,
+    pub(super) axes: Option<PointAxes>,
+}
+
+/// The axes of a file of points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum PointAxes {
+    /// Radiance's: (x, y, z) is (x, z, −y) of a scene.
+    #[default]
+    ZUp,
+    YUp,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -89,6 +116,7 @@ pub(super) enum LightEntryKind {
     Sun,
     Ies,
     Environment,
+    Suns,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -106,6 +134,13 @@ pub(super) enum MappingEntry {
     #[default]
     LatLong,
     Octahedral,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum PatchesEntry {
+    Tregenza,
+    Reinhart,
 }
 
 /// `[[light]]`, for all kinds; which keys go with which kind is checked by [`LightEntry::check_keys`].
@@ -138,6 +173,11 @@ pub(super) struct LightEntry {
     pub(super) turn_degrees: Option<f32>,
     pub(super) mapping: Option<MappingEntry>,
     pub(super) map: Option<String>,
+    pub(super) patches: Option<PatchesEntry>,
+    pub(super) subdivision: Option<u32>,
+    pub(super) split: Option<bool>,
+    pub(super) latitude_degrees: Option<f32>,
+    pub(super) step_degrees: Option<f32>,
     /// What stands for `file`, `direction` and `turn_degrees` of a luminaire that a glTF file brings.
     #[serde(skip)]
     pub(super) luminaire: Option<Luminaire>,
@@ -197,7 +237,20 @@ impl LightEntryKind {
             Self::Spot => ("spot", &["position", "radius", "direction", "inner_degrees", "outer_degrees"]),
             Self::Sun => ("sun", &["towards", "angular_radius_degrees"]),
             Self::Ies => ("ies", &["file", "position", "direction", "turn_degrees"]),
-            Self::Environment => ("environment", &["mapping", "texels", "turn_degrees", "map"]),
+            Self::Environment => {
+                ("environment", &["mapping", "texels", "patches", "subdivision", "split", "turn_degrees", "map"])
+            }
+            Self::Suns => (
+                "suns",
+                &[
+                    "latitude_degrees",
+                    "step_degrees",
+                    "patches",
+                    "subdivision",
+                    "turn_degrees",
+                    "angular_radius_degrees",
+                ],
+            ),
         }
     }
 }
@@ -227,6 +280,11 @@ impl LightEntry {
             ("turn_degrees", self.turn_degrees.is_some()),
             ("mapping", self.mapping.is_some()),
             ("map", self.map.is_some()),
+            ("patches", self.patches.is_some()),
+            ("subdivision", self.subdivision.is_some()),
+            ("split", self.split.is_some()),
+            ("latitude_degrees", self.latitude_degrees.is_some()),
+            ("step_degrees", self.step_degrees.is_some()),
         ];
         let (kind, allowed) = self.kind.keys();
         match given.iter().find(|(key, given)| *given && !allowed.contains(key)) {
@@ -242,7 +300,7 @@ impl LightEntry {
 
 /// Parses a scene file's text; `path` is for messages. Errors: anything that is not a scene file, with its line.
 pub(super) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
-    toml::from_str(text).map_err(|error| {
+    let file: SceneFile = toml::from_str(text).map_err(|error| {
         let mut place = path.display().to_string();
         if let Some(span) = error.span() {
             let line = text.get(..span.start).map_or(0, |before| before.matches('\n').count()) + 1;
@@ -260,12 +318,18 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
                 let hint = format!("choose one of {}", known.join(", "));
                 Error::input(place, format!("unknown value \"{value}\""), hint)
             }
-            Some((&key, _)) if message.starts_with("missing field") => {
-                Error::input(place, format!("the key '{key}' is missing"), "formats/scene.md lists the keys")
-            }
+            Some((&key, _)) if message.starts_with("missing field") => missing(place, key),
             _ => Error::input(place, message, "formats/scene.md says how a scene file is written"),
         }
-    })
+    })?;
+    match file.camera.is_none() && file.grid.is_empty() {
+        true => Err(missing(path.display().to_string(), "camera")),
+        false => Ok(file),
+    }
+}
+
+fn missing(place: String, key: &str) -> Error {
+    Error::input(place, format!("the key '{key}' is missing"), "formats/scene.md lists the keys")
 }
 
 #[cfg(test)]
@@ -305,7 +369,8 @@ mod tests {
         let words: Vec<&str> = prose.split('`').skip(1).step_by(2).map(|w| w.trim_matches(['[', ']'])).collect();
         assert_eq!(parse(Path::new("scene.md"), example).unwrap().light.len(), 1);
         let camera = "[camera]\neye = [0, 0, 0]";
-        let heads = ["geometry = []", camera, "[render]", "[[light]]", "[[material]]\nmatch = \"*\""];
+        let heads =
+            ["geometry = []", camera, "[[grid]]\nname = \"a\"", "[render]", "[[light]]", "[[material]]\nmatch = \"*\""];
         let mut known: Vec<String> = heads.iter().flat_map(|head| keys_after(head)).collect();
         for key in &known {
             let in_example = example.lines().any(|line| line.starts_with(&format!("{key} =")));
@@ -313,7 +378,8 @@ mod tests {
         }
         // What stands first in a row of a table of keys is one.
         known.extend(
-            ["surface", "panel", "environment", "point", "spot", "ies", "sun", "illum", "Pm", "Pr"].map(String::from),
+            ["surface", "panel", "environment", "point", "spot", "ies", "sun", "suns", "illum", "Pm", "Pr"]
+                .map(String::from),
         );
         for row in document.lines().filter(|line| line.starts_with("| `")) {
             let first = row.split('|').nth(1).unwrap_or_default();
@@ -332,7 +398,7 @@ mod tests {
 
     #[test]
     fn every_kind_of_light_refuses_the_keys_of_others() {
-        let kinds = ["surface", "panel", "point", "spot", "sun", "ies", "environment"];
+        let kinds = ["surface", "panel", "point", "spot", "sun", "suns", "ies", "environment"];
         for kind in kinds {
             let text = format!("geometry=[]\n[camera]\neye=[0,0,0]\n[[light]]\nkind=\"{kind}\"\n");
             let mut light = parse(Path::new("a"), &text).unwrap().light.remove(0);

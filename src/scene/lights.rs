@@ -6,20 +6,20 @@ use std::path::Path;
 use glam::{DVec3, Mat3, Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
-use super::file::{LightEntry, LightEntryKind, Luminaire, MappingEntry, SideEntry};
+use super::file::{LightEntry, LightEntryKind, Luminaire, MappingEntry, PatchesEntry, SideEntry};
 use super::folders::Folders;
 use super::memory::MemoryBound;
 use super::names::UniqueNames;
 use super::photometry::{self, MAX_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
 use super::resolve_materials::{Emission, colour};
-use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, SpotCone, Surface, Vertex, names};
+use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, SpotCone, SunPlaces, Surface, Vertex, names, sun_places};
 use crate::decimal::{list, of_f32, of_f64};
 use crate::error::{Error, Result, Warnings};
 use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
 use crate::light::names::fits;
-use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
+use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit, SkyPatches};
 
 /// Half angle under which the sun is seen from the earth, in degrees.
 const SUN_RADIUS_DEGREES: f32 = 0.2665;
@@ -79,6 +79,7 @@ impl LightBuilder<'_> {
             LightEntryKind::Surface => self.surfaces(entry, place),
             LightEntryKind::Panel => self.panel(entry, place),
             LightEntryKind::Environment => self.environment(entry, place),
+            LightEntryKind::Suns => self.suns(entry, place),
             LightEntryKind::Point => self.point(entry, place),
             LightEntryKind::Spot => self.spot(entry, place),
             LightEntryKind::Sun => self.sun(entry, place),
@@ -295,8 +296,19 @@ impl LightBuilder<'_> {
             return Err(Error::input(place, "there is an environment already", "a scene has one at most"));
         }
         let name = entry.name.clone().unwrap_or_else(|| "environment".into());
+        let is_split = entry.split.unwrap_or(false);
         let (across, down) = texels(entry.texels.unwrap_or([32, 16]), place)?;
         let mapping = match entry.mapping.unwrap_or_default() {
+            _ if entry.patches.is_some() && (entry.mapping.is_some() || entry.texels.is_some()) => {
+                let problem = "has patches beside a mapping or texels";
+                return Err(Error::input(place, problem, "give patches and subdivision, or mapping and texels"));
+            }
+            _ if entry.patches.is_some() => EnvironmentMapping::Patches(patches(entry, place)?),
+            _ if is_split || entry.subdivision.is_some() => {
+                let key = if is_split { "split" } else { "subdivision" };
+                let hint = "say patches = \"reinhart\", or leave it out";
+                return Err(Error::input(place, format!("only a sky of patches has '{key}'"), hint));
+            }
             MappingEntry::LatLong => EnvironmentMapping::LatLong { across, down },
             MappingEntry::Octahedral if across == down => EnvironmentMapping::Octahedral { side: across },
             MappingEntry::Octahedral => {
@@ -304,11 +316,11 @@ impl LightBuilder<'_> {
                 return Err(Error::input(place, "an octahedral environment is a square of texels", hint));
             }
         };
-        self.admit_columns(u64::from(across) * u64::from(down), place)?;
+        self.admit_columns(u64::from(mapping.texel_count()) * (1 + u64::from(is_split)), place)?;
         let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
         let emission = entry.emission.unwrap_or([1.0; 3]);
         let rotation = entry.cube.as_ref().map_or_else(|| Quat::from_rotation_y(turn), |cube| cube.rotation);
-        self.assembly.environment(&name, mapping, rotation, emission)?;
+        self.assembly.environment(&name, mapping, rotation, is_split, emission)?;
         let scale = |[r, g, b]: [f32; 3]| [r * emission[0], g * emission[1], b * emission[2]];
         let first = self.assembly.basis.lights().last().map_or(0, |light| light.first_column);
         if let Some(cube) = &entry.cube {
@@ -320,8 +332,11 @@ impl LightBuilder<'_> {
             self.memory.check(facts.needs_bytes, &path)?;
             self.warnings.extend(facts.notes.iter().map(|note| format!("{}: {note}", path.display())));
             let image = read_image(&path)?;
-            let weights =
+            let mut weights: Vec<_> =
                 mapping.resample((image.width, image.height), &image.pixels, 0.0).into_iter().map(scale).collect();
+            if is_split {
+                weights.extend_from_within(..);
+            }
             self.weights.push((first, weights));
         }
         Ok(())
@@ -380,6 +395,35 @@ impl LightBuilder<'_> {
         self.point_like("sun", emitter, [1.0; 3], entry, place)
     }
 
+    /// Places of the sun: the middles of a sky's patches, or those that it takes over a year at a latitude.
+    fn suns(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let degrees = entry.angular_radius_degrees.unwrap_or(SUN_RADIUS_DEGREES);
+        if !(0.0..=2.0).contains(&degrees) {
+            let problem = format!("angular_radius_degrees {degrees}");
+            return Err(Error::input(place, problem, "give 0 to 2; the sun has 0.2665, parallel light 0"));
+        }
+        let towards = match (entry.latitude_degrees, entry.patches) {
+            (Some(latitude), None) if entry.subdivision.is_none() => {
+                let step = entry.step_degrees.unwrap_or(2.0);
+                if !((-90.0..=90.0).contains(&latitude) && (0.1..=15.0).contains(&step)) {
+                    let problem = format!("latitude_degrees {latitude}, step_degrees {step}");
+                    return Err(Error::input(place, problem, "give −90 to 90, and a step of 0.1 to 15"));
+                }
+                sun_places::at_latitude(latitude.to_radians(), step.to_radians())
+            }
+            (None, Some(_)) if entry.step_degrees.is_none() => sun_places::of_patches(patches(entry, place)?),
+            _ => {
+                let hint = "give latitude_degrees (and step_degrees), or patches (and subdivision)";
+                return Err(Error::input(place, "says not where the sun stands, or twice", hint));
+            }
+        };
+        self.admit_columns(towards.len() as u64, place)?;
+        let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
+        let towards = towards.into_iter().map(|towards| Quat::from_rotation_y(turn) * towards).collect();
+        let suns = SunPlaces { towards, angular_radius_radians: degrees.to_radians() };
+        self.assembly.suns(entry.name.as_deref().unwrap_or("suns"), suns, entry.emission.unwrap_or([0.0; 3]))
+    }
+
     fn luminaire(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         let Luminaire { photometry, world_from_luminaire } = match &entry.luminaire {
             Some(luminaire) => luminaire.clone(),
@@ -412,6 +456,22 @@ impl LightBuilder<'_> {
         self.admit_columns(1, place)?;
         self.assembly.point(entry.name.as_deref().unwrap_or(kind), emitter, entry.emission.unwrap_or(own))
     }
+}
+
+/// The patches of a sky.
+fn patches(entry: &LightEntry, place: &str) -> Result<SkyPatches> {
+    let subdivision = match (entry.patches, entry.subdivision) {
+        (Some(PatchesEntry::Tregenza), Some(subdivision)) if subdivision != 1 => {
+            let problem = format!("Tregenza's patches have no subdivision of {subdivision}");
+            return Err(Error::input(place, problem, "say patches = \"reinhart\""));
+        }
+        (Some(PatchesEntry::Tregenza), _) => 1,
+        (_, subdivision) => subdivision.unwrap_or(4),
+    };
+    SkyPatches::of_subdivision(subdivision).ok_or_else(|| {
+        let hint = format!("give 1 to {}; 4 has 2,306 patches", SkyPatches::MAX_SUBDIVISION);
+        Error::input(place, format!("subdivision {subdivision}"), hint)
+    })
 }
 
 /// Radius of a point or a spot; 0 where none is stated.

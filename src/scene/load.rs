@@ -1,12 +1,13 @@
 //! From a scene file to a scene that can be traced.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::assembly::Assembly;
 use super::camera_entry;
-use super::file::{self, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
+use super::file::{self, GridEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
 use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::lights::LightBuilder;
@@ -14,7 +15,7 @@ use super::memory::MemoryBound;
 use super::resolve_materials::{Decided, MaterialResolver};
 use super::source::{Description, Geometry, SourceMaterial};
 use super::textures::Textures;
-use super::{Camera, LoadedScene, RenderSettings, Scene, names, validate};
+use super::{Camera, LoadedScene, RenderSettings, Scene, Sensors, names, sensors, validate};
 use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::files::read_input_text;
 use crate::light::names::fits;
@@ -36,6 +37,18 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     load_with(path, LoadOptions::default())
 }
 
+/// The names of the `[[grid]]` entries of a scene file, and whether it has a camera. A glTF file has no grids.
+///
+/// # Errors
+/// The file cannot be read or is no scene file.
+pub fn grid_names(path: &Path) -> Result<(Vec<String>, bool)> {
+    if is_gltf(path) {
+        return Ok((Vec::new(), true));
+    }
+    let file = file::parse(path, &read_input_text(path, "read the scene", MAX_TEXT_BYTES)?)?;
+    Ok((file.grid.into_iter().map(|grid| grid.name).collect(), file.camera.is_some()))
+}
+
 /// What a scene is allowed to lack, to read and to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
@@ -46,6 +59,8 @@ pub struct LoadOptions {
     pub allow_outside: bool,
     /// Memory that geometry, textures and maps stay within, with what reading them takes; none: any amount.
     pub memory_bytes: Option<u64>,
+    /// Which `[[grid]]` of a scene file stands for its camera, by name; none: the camera, or the first grid where there is none.
+    pub grid: Option<String>,
     /// Which camera of a glTF file is used, by the name of its node or its own; none: the first.
     pub camera: Option<String>,
 }
@@ -118,6 +133,8 @@ struct Read<'a> {
     overrides: &'a [MaterialEntry],
     entries: &'a [LightEntry],
     camera: Camera,
+    sensors: Option<Arc<Sensors>>,
+    shows_irradiance: bool,
     settings: RenderSettings,
     metres_per_unit: f32,
     memory: MemoryBound,
@@ -135,8 +152,16 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     let text = read_input_text(path, "read the scene", MAX_TEXT_BYTES)?;
     // The text, its tree and the records made of it.
     memory.check((text.len() as u64).saturating_mul(64), path)?;
-    let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
-        file::parse(path, &text)?;
+    let SceneFile {
+        name,
+        geometry: files,
+        metres_per_unit,
+        camera,
+        grid: grids,
+        render,
+        light: entries,
+        material: overrides,
+    } = file::parse(path, &text)?;
     let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
@@ -154,7 +179,15 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
         }
     }
     let origin = geometry.settle(&place, &mut warnings);
-    let camera = camera_entry::camera(&camera, origin, &place)?;
+    let shows_irradiance = camera.as_ref().and_then(|camera| camera.irradiance).unwrap_or(false);
+    let (camera, sensors) = match (choose_grid(&grids, options.grid.as_deref(), camera.is_none(), &place)?, camera) {
+        (Some((grid, place)), _) => {
+            let sensors = sensors::sensors(grid, origin, &folders, &place)?;
+            (Camera::of_sensors(sensors.size()), Some(Arc::new(sensors)))
+        }
+        (None, Some(camera)) => (camera_entry::camera(&camera, origin, &place)?, None),
+        (None, None) => unreachable!("a file without either is refused as it is parsed"),
+    };
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
     }
@@ -168,6 +201,8 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             overrides: &overrides,
             entries: &entries,
             camera,
+            sensors,
+            shows_irradiance,
             settings,
             metres_per_unit,
             memory,
@@ -181,6 +216,10 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
 fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
+    if let Some(grid) = &options.grid {
+        let hint = "name the file as geometry of a scene file with a [[grid]]";
+        return Err(Error::input(place, format!("is a glTF file and has no grid '{grid}'"), hint));
+    }
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
     let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;
@@ -200,6 +239,8 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             overrides: &[],
             entries: &extras.lamps,
             camera,
+            sensors: None,
+            shows_irradiance: false,
             settings: RenderSettings::default(),
             metres_per_unit: 1.0,
             memory,
@@ -250,6 +291,33 @@ fn choose_camera(
     })
 }
 
+/// The grid of that name, or the first where there is no camera; none: the camera.
+fn choose_grid<'a>(
+    grids: &'a [GridEntry],
+    name: Option<&str>,
+    needs_one: bool,
+    place: &str,
+) -> Result<Option<(&'a GridEntry, String)>> {
+    let names = grids.iter().map(|grid| grid.name.as_str());
+    if let Some((index, grid)) =
+        grids.iter().enumerate().find(|(i, grid)| names.clone().take(*i).any(|n| n == grid.name))
+    {
+        let problem = format!("grid {} has the name '{}' of another", index + 1, grid.name);
+        return Err(Error::input(place, problem, "rename one of them"));
+    }
+    let found = match name {
+        None if !needs_one => return Ok(None),
+        None => grids.first(),
+        Some(wanted) => grids.iter().find(|grid| grid.name == wanted),
+    };
+    let Some(found) = found else {
+        let list = names.map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+        let hint = if grids.is_empty() { "it has none; add a [[grid]]".into() } else { format!("it has {list}") };
+        return Err(Error::input(place, format!("has no grid '{}'", name.unwrap_or_default()), hint));
+    };
+    Ok(Some((found, format!("{place}, grid '{}'", found.name))))
+}
+
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -258,6 +326,7 @@ fn stem(path: &Path) -> String {
 fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     let Read { place, folders, name, geometry, origin, overrides, entries, camera, settings, metres_per_unit, .. } =
         read;
+    let (sensors, shows_irradiance) = (read.sensors, read.shows_irradiance && options.grid.is_none());
     let textures = Textures::within(read.memory, folders.reach.clone());
     let mut workshop =
         MaterialResolver { textures, warnings: read.warnings, overrides, folders, place, decided: Decided::default() };
@@ -298,7 +367,10 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         let both = |m: &SourceMaterial| matches!(&m.description, Description::Gltf(g) if g.two_sided);
         lights.instances(&geometry.materials.iter().map(both).collect::<Vec<_>>(), place)?;
     }
-    for (index, entry) in entries.iter().enumerate() {
+    // Places of the sun are the last lights: what is drawn at random stands before them.
+    let (last, first): (Vec<_>, Vec<_>) =
+        entries.iter().enumerate().partition(|(_, entry)| entry.kind == LightEntryKind::Suns);
+    for (index, entry) in first.into_iter().chain(last) {
         lights.add(entry, &light_place(place, index, entry))?;
     }
     if !read.by_instance && entries.is_empty() && emissions.iter().any(Option::is_some) {
@@ -311,8 +383,20 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     for (first, weights) in weights {
         basis.set_scene_weights(first, weights)?;
     }
-    let scene =
-        Scene { name, origin, mesh, materials, textures, camera, emitters, unseen_lights, basis, metres_per_unit };
+    let scene = Scene {
+        name,
+        origin,
+        mesh,
+        materials,
+        textures,
+        camera,
+        sensors,
+        shows_irradiance,
+        emitters,
+        unseen_lights,
+        basis,
+        metres_per_unit,
+    };
     Ok(Unchecked { scene, settings, cameras: Vec::new(), warnings })
 }
 

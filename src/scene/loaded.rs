@@ -52,9 +52,25 @@ impl LoadedScene {
         Self { scene, settings, lighting, warnings, content }
     }
 
-    /// The same scene in an image of so many pixels.
+    /// Whether what pixels show beside light is traced with them: one sample of a pixel has no halves, and sensors see no surface.
+    pub fn has_planes(&self) -> bool {
+        self.settings.samples_per_pixel > 1 && self.scene.sensors.is_none()
+    }
+
+    /// The same scene with pixels that show the irradiance of what they see, and not its radiance.
+    #[must_use]
+    pub fn showing_irradiance(mut self) -> Self {
+        self.scene.shows_irradiance = self.scene.sensors.is_none();
+        self.content = content_hash(&self.scene, self.settings.max_depth);
+        self
+    }
+
+    /// The same scene in an image of so many pixels. Of sensors there are as many as the scene file says.
     #[must_use]
     pub fn sized(mut self, width: u32, height: u32) -> Self {
+        if self.scene.sensors.is_some() {
+            return self;
+        }
         (self.scene.camera.width, self.scene.camera.height) = (width, height);
         self.content = content_hash(&self.scene, self.settings.max_depth);
         self

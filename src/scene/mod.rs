@@ -40,8 +40,10 @@ mod photometry;
 mod polygon;
 mod rectangle;
 mod resolve_materials;
+mod sensors;
 mod shapes;
 mod source;
+mod sun_places;
 mod survey;
 mod textures;
 mod validate;
@@ -49,9 +51,11 @@ mod validate;
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter, Projection};
 pub use content::content_hash;
-pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone};
+pub use emitter::{
+    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone, SunPlaces,
+};
 pub use lens::Lens;
-pub use load::{LoadOptions, load, load_with};
+pub use load::{LoadOptions, grid_names, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
 pub use material::{
     FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,
@@ -59,8 +63,11 @@ pub use material::{
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
 pub use origin::{in_file, stated_origin};
+pub use sensors::{IRRADIANCE, Sensor, Sensors, shows_irradiance};
 pub use survey::{SceneSurvey, survey};
 pub use validate::validate;
+
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -79,8 +86,12 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Textures, indexed by [`TextureId`].
     pub textures: Vec<Texture>,
-    /// The camera.
+    /// The camera. Of a view by sensors only its size counts, which is theirs.
     pub camera: Camera,
+    /// What stands for the camera's pixels: irradiance is asked for there.
+    pub sensors: Option<Arc<Sensors>>,
+    /// Whether a pixel shows the irradiance of the surface that it sees first, and not its radiance; nothing where it sees none.
+    pub shows_irradiance: bool,
     /// One emitter for each light of the basis, in the same order.
     pub emitters: Vec<Emitter>,
     /// Lights that the camera does not see, by their numbers, ascending: its rays pass them as if they were not there. Mirrors show them,

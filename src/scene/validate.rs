@@ -25,7 +25,9 @@ pub fn validate(scene: &Scene) -> Result<Warnings> {
     let mut warnings = Warnings::new();
     check_mesh(scene)?;
     check_lights(scene)?;
-    check_camera(scene, &mut warnings)?;
+    if scene.sensors.is_none() {
+        check_camera(scene, &mut warnings)?;
+    }
     let camera = &scene.camera;
     let entries = u128::from(camera.width) * u128::from(camera.height) * 3 * scene.basis.column_count() as u128;
     if entries * 4 > LARGE_BYTES {

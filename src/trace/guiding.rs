@@ -253,7 +253,7 @@ fn visible_part(world: &World, lit: &[LitPoint], seen: &[SurfacePoint]) -> f32 {
 
 /// Whether a light may have surfaces close by.
 fn is_near(emitter: &Emitter) -> bool {
-    !matches!(emitter, Emitter::Environment(_) | Emitter::Point(PointEmitter::Sun { .. }))
+    !matches!(emitter, Emitter::Environment(_) | Emitter::Suns(_) | Emitter::Point(PointEmitter::Sun { .. }))
 }
 
 /// A ray that leaves a lamp, of nearly equal flux each. `None` for a spot's ray beside its cone.
@@ -285,7 +285,7 @@ fn emitted(world: &World, lamp: usize, ray: u32) -> Option<(Vec3, Vec3)> {
             let normal = if light.two_sided && choice < 0.5 { -front } else { front };
             Some((position, ShadingFrame::around(normal).to_world(cosine_hemisphere(way))))
         }
-        Emitter::Point(PointEmitter::Sun { .. }) | Emitter::Environment(_) => None,
+        Emitter::Point(PointEmitter::Sun { .. }) | Emitter::Environment(_) | Emitter::Suns(_) => None,
     }
 }
 

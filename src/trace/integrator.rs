@@ -10,16 +10,16 @@
 //! weighted by its share. What is seen of emitters is never filtered, and a random choice of the branch would leave
 //! noise in it.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
-use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
+use super::bsdf::{Lobes, Scattered};
 use super::camera_ray::ray_of_pixel;
 use super::guiding::{self, Guided, PathGuide};
-use super::lights::{EmitterHit, LightPmf, Receiver, SeenLight};
-use super::photons::{GatheredWithin, LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
+use super::lights::{EmitterHit, Receiver, SeenLight, SplitSky, SunShare};
+use super::photons::{GatheredWithin, Photons};
 use super::planes::{LightPath, PlaneSums, SampleFeatures};
 use super::sampler::{Dimension, KIND_DIMENSION, Sampler};
 use super::vertex::{PathRay, PathVertex, power_heuristic};
@@ -36,6 +36,9 @@ const SURVIVAL: f32 = 4.0;
 
 /// Added to the vertex number of delta branches, so that they use random numbers of their own.
 const DELTA_BRANCH_DIMENSION: u32 = 1 << 16;
+
+/// Number, in place of a vertex, of the pair that chooses the point of the first place of a sun; those of other places follow.
+const SUN_DIMENSION: u32 = 1 << 20;
 
 /// Share from which on a delta branch follows both branches of a boundary. Below it, one branch is drawn. Tuned:
 /// decision 10.
@@ -59,19 +62,21 @@ pub(super) struct Paths<'a> {
     pub(super) guide: Option<&'a PathGuide>,
     /// Longest path in segments.
     pub(super) max_depth: u32,
+    /// Samples of a pixel.
+    pub(super) samples: u32,
 }
 
 /// The last non-specular vertex of a path, for the MIS weights of the light it finds.
-struct Last {
-    from: Receiver,
+pub(super) struct Last {
+    pub(super) from: Receiver,
     /// Solid-angle density of the sampled direction. `None` if no light sample could have made it.
-    pdf: Option<f32>,
-    cosine: f32,
-    light_samples: f32,
+    pub(super) pdf: Option<f32>,
+    pub(super) cosine: f32,
+    pub(super) light_samples: f32,
     /// Probability that a guided ray leaves the vertex too.
-    guided: f32,
+    pub(super) guided: f32,
     /// How photons were gathered at the last surface with more than single directions.
-    gathered: Option<GatheredWithin>,
+    pub(super) gathered: Option<GatheredWithin>,
 }
 
 /// Where a path begins: at the camera, or at a vertex of another path, which a guided ray leaves.
@@ -85,6 +90,8 @@ struct Begin {
     /// The guided ray that it begins with, whose factor on the throughput follows from where it arrives.
     guided: Option<Guided>,
     vertex: u32,
+    /// The vertex that the path begins at, where that is a sensor.
+    sensor: Option<PathVertex>,
 }
 
 /// A vertex of a path that a guided ray may leave.
@@ -100,10 +107,10 @@ struct Fork<'a> {
 }
 
 /// A light sample of several.
-struct LightDraw {
+pub(super) struct LightDraw {
     /// Uniform numbers.
-    pair: Vec2,
-    count: u32,
+    pub(super) pair: Vec2,
+    pub(super) count: u32,
 }
 
 impl Last {
@@ -179,20 +186,32 @@ fn survival(throughput: Vec3, eta_scale: f32) -> f32 {
 }
 
 /// Where the contributions of one path are added.
-struct PathRecord<'a, 'b> {
+pub(super) struct PathRecord<'a, 'b> {
     sums: &'a mut PixelSums,
     planes: Option<&'a mut PlaneSums<'b>>,
     half: usize,
+    suns: SunShare,
+    split: Option<SplitSky>,
+    /// Whether the first surface stands for its irradiance, and emitters in view for nothing.
+    irradiance: bool,
     features: SampleFeatures,
-    cost: PathCost,
+    pub(super) cost: PathCost,
 }
 
 impl PathRecord<'_, '_> {
     #[inline(always)]
-    fn add(&mut self, layer: LightPath, column: u32, value: Vec3) {
+    pub(super) fn add(&mut self, layer: LightPath, mut column: u32, value: Vec3) {
         if !value.is_finite() {
             self.cost.non_finite += 1;
             return;
+        }
+        if self.irradiance && layer == LightPath::Emission {
+            return;
+        }
+        if let Some(sky) = self.split
+            && layer == LightPath::Indirect
+        {
+            column = sky.reflected(column);
         }
         self.sums.add(self.half, column, value);
         if let Some(planes) = &mut self.planes
@@ -215,12 +234,24 @@ pub(super) fn trace_sample(
     planes: Option<&mut PlaneSums<'_>>,
 ) -> PathCost {
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
-    let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
+    let (suns, split) = (SunShare::of_sample(sample, paths.samples), paths.world.lights.split_sky());
+    let irradiance = paths.world.scene.shows_irradiance;
+    let mut record = PathRecord { sums, planes, half, suns, split, irradiance, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
-    let ray = ray_of_pixel(&paths.world.scene.camera, pixel, sampler);
+    let scene = &paths.world.scene;
+    let (ray, sensor) = match &scene.sensors {
+        None => (ray_of_pixel(&scene.camera, pixel, sampler), None),
+        Some(sensors) => {
+            let sensor = sensors.at(pixel);
+            let ray = PathRay::new(sensor.position + sensor.normal, -sensor.normal);
+            (ray, Some(PathVertex::of_sensor(sensor)))
+        }
+    };
     let begin = Begin {
         ray,
-        throughput: Vec3::ONE,
+        // A white surface sends 1/π of what it receives.
+        throughput: if sensor.is_some() { Vec3::splat(PI) } else { Vec3::ONE },
+        sensor,
         eta_scale: 1.0,
         layer: LightPath::Emission,
         last: Last::only(&ray),
@@ -248,7 +279,7 @@ impl Paths<'_> {
     ) {
         let (world, mut ray) = (self.world, begin.ray);
         let (mut throughput, mut eta_scale) = (begin.throughput, begin.eta_scale);
-        let mut last = begin.last;
+        let (mut last, mut sensor) = (begin.last, begin.sensor);
         // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
         let mut layer = begin.layer;
         // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
@@ -259,8 +290,14 @@ impl Paths<'_> {
             let kind = || sampler.pair(Dimension::Choice, KIND_DIMENSION + vertex + passes).x;
             // Emission that a guided ray itself finds is left to the path that it leaves.
             let shown = if sent.is_some() { Vec3::ZERO } else { throughput * seen };
-            let Some(at) = self.arrive(&ray, kind, &last, layer, shown, record) else { return };
+            let is_sensor = sensor.is_some();
+            let arrived = sensor.take().or_else(|| self.arrive(&ray, kind, &last, layer, shown, record));
+            let Some(mut at) = arrived else { return };
             throughput *= at.kept;
+            if record.irradiance && layer == LightPath::Emission && at.shows_no_emitter() {
+                at.whiten();
+                throughput *= PI;
+            }
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
@@ -277,7 +314,7 @@ impl Paths<'_> {
                 }
                 continue;
             }
-            if layer == LightPath::Emission && (at.shows_no_emitter() || at_end) {
+            if layer == LightPath::Emission && !is_sensor && (at.shows_no_emitter() || at_end) {
                 at.show(self.world, &mut record.features, throughput, travelled);
             }
             if at_end && !at.bsdf.lobes().has(Lobes::STRAIGHT) {
@@ -370,6 +407,15 @@ impl Paths<'_> {
             let draw = LightDraw { pair: sampler.member(Dimension::Light, vertex, member, count), count };
             at.sample_light(self.world, &chances, throughput, draw, layer, record);
         }
+        if layer == LightPath::Direct {
+            let share = record.suns;
+            for (light, suns) in self.world.lights.suns().iter().enumerate() {
+                let pair = |place| sampler.pair(Dimension::Light, SUN_DIMENSION * (light as u32 + 1) + place);
+                for sun in suns.samples(at.receiver(), share, pair) {
+                    at.add_light(self.world, throughput, (&sun, 1.0), layer, record);
+                }
+            }
+        }
         let map = maps[usize::from(layer == LightPath::Indirect)];
         let most_segments = self.max_depth - vertex - 1;
         (count, self.photons.map(|photons| at.gather(photons, map, most_segments, throughput, record)))
@@ -395,7 +441,8 @@ impl Paths<'_> {
             let Guided { direction, pdf, .. } = sent;
             let last = at.left_along(direction, (pdf, at.frame.z.dot(direction)), light_samples, radius);
             let ray = at.ray(self.world, direction);
-            let begin = Begin { ray, throughput, eta_scale, layer, last, guided: Some(sent), vertex: vertex + 1 };
+            let guided = Some(sent);
+            let begin = Begin { ray, throughput, eta_scale, layer, last, guided, vertex: vertex + 1, sensor: None };
             self.follow(begin, None, maps, &sampler, record);
         }
         chance
@@ -554,146 +601,6 @@ impl Paths<'_> {
             (Some(pdf), ..) => power_heuristic(pdf, last.light_samples * found.pdf),
             (None, Some(photons), Some(gathered)) => photons.weight_of_path(self.world, found.source, hit, gathered),
             _ => 1.0,
-        }
-    }
-}
-
-impl PathVertex {
-    /// One light sample.
-    #[inline(always)]
-    fn sample_light(
-        &self,
-        world: &World,
-        chances: &LightPmf,
-        throughput: Vec3,
-        LightDraw { pair, count }: LightDraw,
-        layer: LightPath,
-        record: &mut PathRecord<'_, '_>,
-    ) {
-        let receiver = self.receiver();
-        let drawn = world.lights.sample(&world.scene, &receiver, &self.frame, chances, pair);
-        let Some(light) = drawn else { return };
-        let (above, wi) = (light.towards.dot(self.normal), self.frame.to_local(light.towards));
-        // Of surfaces that scatter to both sides, the normals must agree about the side.
-        if above <= 0.0 && !(receiver.two_sided && wi.z < 0.0) || above > 0.0 && wi.z <= 0.0 {
-            return;
-        }
-        let (value, pdf) = self.bsdf.eval(self.wo, wi);
-        let value = throughput * value * light.weight / count as f32;
-        if value == Vec3::ZERO {
-            return;
-        }
-        let kept = world.transmittance(self.point.start(light.towards), light.end, &mut record.cost.rays);
-        if kept != Vec3::ZERO {
-            let weight = power_heuristic(count as f32 * light.pdf, pdf);
-            let weight = if light.pdf > 0.0 { weight } else { 1.0 };
-            record.add(layer, light.column, value * kept * weight);
-        }
-    }
-
-    /// Gathers nearby photons whose paths have at most `most_segments` segments. Returns the radius.
-    #[inline(always)]
-    fn gather(
-        &self,
-        photons: &Photons,
-        map: u32,
-        most_segments: u32,
-        throughput: Vec3,
-        record: &mut PathRecord<'_, '_>,
-    ) -> f32 {
-        let (position, normal) = (self.point.position, self.normal);
-        let radius = photons.radius_at(position);
-        if radius == 0.0 {
-            return radius;
-        }
-        let two_sided = self.bsdf.lobes().is_two_sided();
-        let at = PhotonGather { map, position, normal, radius, two_sided, most_segments };
-        photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
-        radius
-    }
-
-    /// This vertex as the last of a path that leaves it along a direction with a density and a cosine.
-    #[inline(always)]
-    fn left_along(&self, direction: Vec3, (pdf, cosine): (f32, f32), light_samples: f32, radius: Option<f32>) -> Last {
-        let spread = || pdf / direction.dot(self.normal).abs();
-        let gathered = radius.map(|radius| GatheredWithin { radius, spread: spread() });
-        Last { from: self.receiver(), pdf: Some(pdf), cosine, light_samples, guided: 0.0, gathered }
-    }
-
-    /// The ray of a scattered direction of a path that came along `ray`. `None` if it does not leave the surface.
-    #[inline(always)]
-    fn onward(&self, world: &World, ray: &PathRay, next: &Scattered) -> Option<PathRay> {
-        if next.pass_through {
-            return Some(self.past(ray));
-        }
-        Some(self.ray(world, self.leaving(next)?))
-    }
-}
-
-/// A surface that photons light.
-struct Lit<'a, 'b, 'c> {
-    vertex: &'a PathVertex,
-    /// Number of photons of density 1 expected within the radius.
-    expected: f32,
-    throughput: Vec3,
-    record: &'a mut PathRecord<'b, 'c>,
-}
-
-impl PhotonVisitor for Lit<'_, '_, '_> {
-    #[inline(always)]
-    fn take(&mut self, gathered: &PhotonGroup) {
-        let vertex = self.vertex;
-        let two_sided = vertex.bsdf.lobes().is_two_sided();
-        let (mut values, mut pdfs) = ([[0.0f32; LANES]; 3], [0.0f32; LANES]);
-        let along = |axis: Vec3, lane: usize| {
-            let [x, y, z] = &gathered.towards;
-            x[lane] * axis.x + y[lane] * axis.y + z[lane] * axis.z
-        };
-        if let Bsdf::Lambert(Lambert { reflectance }) = vertex.bsdf {
-            // As `Bsdf::eval`, for all lanes at once.
-            for lane in 0..LANES {
-                let z = along(vertex.frame.z, lane);
-                let pdf = if z > 0.0 && vertex.wo.z > 0.0 { FRAC_1_PI * z } else { 0.0 };
-                pdfs[lane] = pdf;
-                (0..3).for_each(|channel| values[channel][lane] = reflectance[channel] * pdf);
-            }
-        } else {
-            for lane in (0..LANES).filter(|lane| gathered.mask >> lane & 1 == 1) {
-                let [x, y, z] = gathered.towards.map(|axis| axis[lane]);
-                let wi = vertex.frame.to_local(Vec3::new(x, y, z));
-                if (wi.z > 0.0) != (along(vertex.normal, lane) > 0.0) {
-                    continue;
-                }
-                let (value, pdf) = vertex.bsdf.eval(vertex.wo, wi);
-                pdfs[lane] = pdf;
-                (0..3).for_each(|channel| values[channel][lane] = value[channel]);
-            }
-        }
-        // Photon cosines refer to the geometric normal, not to the shading normal.
-        let (mut cosines, mut spread) = ([0.0f32; LANES], [0.0f32; LANES]);
-        for lane in 0..LANES {
-            let cosine = along(vertex.normal, lane);
-            cosines[lane] = if two_sided { cosine.abs() } else { cosine };
-            spread[lane] = pdfs[lane] / cosines[lane];
-        }
-        let weights = gathered.weights(self.expected, &spread);
-        let mut light = [[0.0f32; LANES]; 3];
-        for lane in 0..LANES {
-            let weight = weights[lane] / cosines[lane];
-            for channel in 0..3 {
-                let value = self.throughput[channel] * values[channel][lane];
-                light[channel][lane] = value * gathered.irradiance[channel][lane] * weight;
-            }
-        }
-        let mut mask = gathered.mask;
-        while mask != 0 {
-            let lane = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            let is_lit = values.iter().any(|channel| channel[lane] != 0.0);
-            if is_lit && cosines[lane] > 0.0 {
-                let value = Vec3::new(light[0][lane], light[1][lane], light[2][lane]);
-                self.record.add(LightPath::Indirect, gathered.column[lane], value);
-            }
         }
     }
 }

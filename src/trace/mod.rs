@@ -33,6 +33,7 @@ mod statistics;
 mod tracer;
 mod tracer_memory;
 mod vertex;
+mod vertex_light;
 mod world;
 
 pub use photons::{PhotonCost, Sending};

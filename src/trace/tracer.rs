@@ -21,6 +21,9 @@ use crate::light::{Clusters, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
 use crate::scene::{RenderSettings, Scene};
 
+/// Samples of a pixel that the paths for the scales of columns count as: each then asks for a part of the places of the sun.
+const SCALE_SAMPLES: u32 = 256;
+
 /// Cost of tracing a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockStats {
@@ -120,7 +123,13 @@ impl Tracer {
     pub fn measure_column_scales(scene: impl Into<Arc<Scene>>, max_depth: u32) -> Result<Vec<f32>> {
         let world = World::new(scene.into())?;
         let guide = PathGuide::of(&world);
-        Ok(scales::measure(&Paths { world: &world, photons: None, guide: guide.as_ref(), max_depth }))
+        Ok(scales::measure(&Paths {
+            world: &world,
+            photons: None,
+            guide: guide.as_ref(),
+            max_depth,
+            samples: SCALE_SAMPLES,
+        }))
     }
 
     /// The same tracer with noise and cluster light divided by the scales of columns
@@ -128,7 +137,7 @@ impl Tracer {
     #[must_use]
     pub fn with_column_scales(mut self) -> Self {
         let (guide, max_depth) = (self.guide.as_ref(), self.settings.max_depth);
-        let paths = Paths { world: &self.world, photons: None, guide, max_depth };
+        let paths = Paths { world: &self.world, photons: None, guide, max_depth, samples: SCALE_SAMPLES };
         self.column_scales = scales::measure(&paths);
         self.column_factors = self.column_scales.iter().map(|scale| scale.recip()).collect();
         self
@@ -214,9 +223,12 @@ impl Tracer {
         }
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
+        let no_emission = PixelSums::new(if self.world.scene.sensors.is_some() { columns } else { 0 });
         let mut noise = (spp > 1)
             .then(|| NoiseSums::new((rect.rows(), columns), &self.probes_of_column, self.probes, &self.column_factors));
-        let mut planes = (spp > 1).then(|| target.planes.take().unwrap_or_default());
+        // Sensors see no surface whose features tell them from their neighbours.
+        let has_planes = spp > 1 && self.world.scene.sensors.is_none();
+        let mut planes = has_planes.then(|| target.planes.take().unwrap_or_default());
         let mut plane_sums = planes.as_mut().map(|planes| {
             planes::begin(planes, &self.clusters, pixels);
             PlaneSums::new(&self.clusters, &self.column_factors)
@@ -229,7 +241,7 @@ impl Tracer {
                 let inside = (first + pixel) as u32;
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
                 self.trace_pixel((x, y), &mut sums, plane_sums.as_mut(), &mut stats);
-                let noise = noise.as_mut().zip(plane_sums.as_ref().map(PlaneSums::emission));
+                let noise = noise.as_mut().zip(Some(plane_sums.as_ref().map_or(&no_emission, PlaneSums::emission)));
                 tile.take(&mut sums, noise, run, pixel, samples);
                 if let (Some(planes), Some(sums)) = (&mut planes, &mut plane_sums) {
                     sums.take(planes, run, pixel, samples);
@@ -297,7 +309,7 @@ impl pulp::NullaryFnOnce for Pixel<'_, '_> {
         let key = u64::from(y) * u64::from(tracer.shape.width()) + u64::from(x);
         let (world, photons, guide) = (&tracer.world, tracer.photons.as_ref(), tracer.guide.as_ref());
         let TraceSettings { samples_per_pixel, seed, max_depth } = tracer.settings;
-        let paths = Paths { world, photons, guide, max_depth };
+        let paths = Paths { world, photons, guide, max_depth, samples: samples_per_pixel };
         for sample in 0..samples_per_pixel {
             let sampler = Sampler::new(seed, key, sample);
             let cost = trace_sample(&paths, self.at, sample, &sampler, self.sums, self.planes.as_deref_mut());

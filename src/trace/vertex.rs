@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 
-use super::bsdf::{Bsdf, Lobes, Scattered};
+use super::bsdf::{Bsdf, Lambert, Lobes, Scattered};
 use super::frame::ShadingFrame;
 use super::lights::Receiver;
 use super::planes::SampleFeatures;
 use super::world::{SurfacePoint, World};
+use crate::scene::Sensor;
 
 /// Sine of the elevation that a direction below the surface is raised to.
 const GRAZING: f32 = 1e-3;
@@ -66,6 +67,24 @@ impl PathVertex {
             kept = (-ray.absorption.max(behind) * point.position.distance(ray.origin)).exp();
         }
         Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity, kept }
+    }
+
+    /// A sensor: a white surface of its place and normal, seen from before it.
+    pub(super) fn of_sensor(sensor: &Sensor) -> Self {
+        Self {
+            point: SurfacePoint::of_sensor(sensor.position, sensor.normal),
+            bsdf: Bsdf::Lambert(Lambert { reflectance: Vec3::ONE }),
+            normal: sensor.normal,
+            frame: ShadingFrame::around(sensor.normal),
+            wo: Vec3::Z,
+            opacity: 1.0,
+            kept: Vec3::ONE,
+        }
+    }
+
+    /// Makes the surface a white one, which sends 1/π of what it receives.
+    pub(super) fn whiten(&mut self) {
+        self.bsdf = Bsdf::Lambert(Lambert { reflectance: Vec3::ONE });
     }
 
     /// Whether a path may pass straight through, as through a thin sheet, and is not scattered otherwise.

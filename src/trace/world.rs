@@ -265,6 +265,11 @@ fn off_edges(u: f32, v: f32, least: f32) -> (f32, f32) {
 }
 
 impl SurfacePoint {
+    /// The place of a sensor, which is on no triangle.
+    pub(super) fn of_sensor(position: Vec3, normal: Vec3) -> Self {
+        Self { position, normal, shading_normal: normal, uv: Vec2::ZERO, triangle: u32::MAX, offset: 0.0 }
+    }
+
     /// Origin of a ray that leaves along `direction`: offset from the surface to that side.
     #[inline(always)]
     pub(super) fn start(&self, direction: Vec3) -> Vec3 {

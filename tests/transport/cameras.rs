@@ -129,7 +129,7 @@ fn unseen_lights_are_seen_in_mirrors_alone_and_light_as_before() {
             builder.unseen();
         }
         let mapping = EnvironmentMapping::Octahedral { side: 1 };
-        let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+        let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY, is_split: false };
         builder.bodiless("sky", LightKind::Octahedral { side: 1 }, Emitter::Environment(sky));
         if unseen[1] {
             builder.unseen();

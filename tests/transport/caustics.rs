@@ -237,7 +237,7 @@ fn lit_by_everything_under((mapping, kind): (EnvironmentMapping, LightKind)) -> 
     let both = builder.quad(Vec3::new(0.85, 0.7, 0.3), Vec3::Y * 0.2, Vec3::Z * 0.3, Surface::Black).to_vec();
     builder.two_sided_lamp("both", &both);
     let world_from_environment = Mat3::from_rotation_y(0.4);
-    let sky = EnvironmentEmitter { mapping, world_from_environment };
+    let sky = EnvironmentEmitter { mapping, world_from_environment, is_split: false };
     builder.bodiless("sky", kind, Emitter::Environment(sky));
     let towards = Vec3::new(0.2, 0.9, 0.5).normalize();
     let sun = PointEmitter::Sun { towards, angular_radius_radians: 0.15 };

@@ -79,7 +79,7 @@ fn a_white_shade_vanishes_in_a_white_furnace_and_its_panes_too() {
             }
         }
         let mapping = EnvironmentMapping::Octahedral { side: 4 };
-        let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+        let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY, is_split: false };
         builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
         let scene = builder.build();
         assert!(tracer(scene.clone(), settings(1, 2)).is_guided());

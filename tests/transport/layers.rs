@@ -238,7 +238,7 @@ fn shares_of_a_half_covered_image_are_means_with_the_variance_of_their_samples()
     let mut builder = Builder::new(camera(Vec3::ZERO, Vec3::NEG_Z, 40.0, 1));
     builder.quad(Vec3::new(-9.0, -9.0, -1.0), Vec3::X * 9.0, Vec3::Y * 18.0, lambert(0.5));
     let mapping = EnvironmentMapping::Octahedral { side: 2 };
-    let sky = EnvironmentEmitter { mapping, world_from_environment: Mat3::IDENTITY };
+    let sky = EnvironmentEmitter { mapping, world_from_environment: Mat3::IDENTITY, is_split: false };
     builder.bodiless("sky", LightKind::Octahedral { side: 2 }, Emitter::Environment(sky));
     let samples = 64;
     let blocks = trace(builder.build(), settings(samples, 3));

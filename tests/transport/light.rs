@@ -256,7 +256,7 @@ fn a_sky_lights_the_floor_texel_by_texel() {
         (EnvironmentMapping::LatLong { across: 6, down: 4 }, LightKind::LatLong { across: 6, down: 4 }),
     ] {
         let mut builder = floor();
-        let sky = EnvironmentEmitter { mapping, world_from_environment: turned };
+        let sky = EnvironmentEmitter { mapping, world_from_environment: turned, is_split: false };
         builder.bodiless("sky", kind, Emitter::Environment(sky));
         let blocks = trace(builder.build(), settings(256, 4));
         let (across, down) = kind.layout();

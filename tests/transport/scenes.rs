@@ -41,6 +41,8 @@ impl Builder {
             camera,
             emitters: Vec::new(),
             unseen_lights: Vec::new(),
+            sensors: None,
+            shows_irradiance: false,
             basis: LightBasis::new(),
             metres_per_unit: 1.0,
         };

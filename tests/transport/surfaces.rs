@@ -29,7 +29,7 @@ fn paper(reflected: f32, transmitted: f32) -> Surface {
 
 fn sky(builder: &mut Builder) {
     let mapping = EnvironmentMapping::Octahedral { side: 4 };
-    let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+    let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY, is_split: false };
     builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
 }
 

@@ -29,7 +29,7 @@ fn image(scene: Scene, samples: u32, depth: u32) -> Vec<f32> {
 
 fn sky(builder: &mut Builder) {
     let mapping = EnvironmentMapping::Octahedral { side: 4 };
-    let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+    let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY, is_split: false };
     builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
 }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use super::unfinished::forget_samples;
-use super::{RenderReport, job_of, settings_of, tracer_of, tracing_need};
+use super::{RenderReport, job_of, tracer_of, tracing_need};
 use crate::compress::Scope;
 use crate::error::{Error, Result};
 use crate::files::folder_of;
@@ -32,9 +32,7 @@ pub fn render_packed(
         return Err(Error::input("global scope", "the matrix is read several times, here it is never stored", hint));
     }
     let mut job = job_of(&loaded)?;
-    let settings = settings_of(&loaded);
-    // One sample a pixel has no halves.
-    let has_planes = settings.samples_per_pixel > 1;
+    let has_planes = loaded.has_planes();
     let source = PackSource { variant: b"f32", need: tracing_need(&loaded, &job), has_planes };
     let (mut packing, plan) = Packing::begin(&job, source, path, options, watch)?;
     let tracer = tracer_of(loaded, &mut job, Some(folder_of(path)), watch)?;

@@ -76,7 +76,13 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
             settings.samples_per_pixel,
             settings.max_depth,
             settings.seed,
-            scene.camera.in_words(scene.origin)
+            match &scene.sensors {
+                Some(sensors) => sensors.in_words(),
+                None if scene.shows_irradiance => {
+                    format!("{}{}", scene::IRRADIANCE, scene.camera.in_words(scene.origin))
+                }
+                None => scene.camera.in_words(scene.origin),
+            }
         ),
         metres_per_unit: scene.metres_per_unit,
     };
@@ -93,8 +99,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let memory = PeakMemory::start();
     let mut job = job_of(&loaded)?;
     let wanted = options.blocks.clone().unwrap_or(0..job.shape.block_count());
-    // One sample per pixel has no halves.
-    let stored = StoreOptions { planes: loaded.settings.samples_per_pixel > 1, ..options.store };
+    let stored = StoreOptions { planes: loaded.has_planes(), ..options.store };
     let requirements = store::requirements_of(&job, &stored, wanted.clone())?;
     let mut need = tracing_need(&loaded, &job);
     need = need.and(&[&Held(need.per_thread_bytes), &Held(requirements.memory_bytes)]);

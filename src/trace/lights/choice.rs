@@ -57,7 +57,7 @@ impl Bound {
     fn of(scene: &Scene, source: &Source) -> Self {
         let unplaced = Self { centre: Vec3::ZERO, radius: 0.0, axis: Vec3::ZERO, near: false };
         match source {
-            Source::Environment(_) => unplaced,
+            Source::Environment(_) | Source::Suns => unplaced,
             Source::Point(light) => {
                 let placed = |centre| Self { centre, radius: light.radius(), near: true, ..unplaced };
                 light.position().map_or(unplaced, placed)
@@ -194,23 +194,24 @@ impl LightPmf {
         self.even.unwrap_or_else(|| self.each.get(light).copied().unwrap_or(0.0))
     }
 
-    /// The light that a uniform number chooses, its probability, and the number rescaled to be uniform again.
+    /// The light that a uniform number chooses, its probability, and the number rescaled to be uniform again. None where there is
+    /// no light to choose.
     #[inline(always)]
-    pub(super) fn choose(&self, x: f32) -> (usize, f32, f32) {
-        let last = self.count - 1;
+    pub(super) fn choose(&self, x: f32) -> Option<(usize, f32, f32)> {
+        let last = self.count.checked_sub(1)?;
         if let Some(share) = self.even {
             let scaled = x * self.count as f32;
             let index = (scaled as usize).min(last);
-            return (index, share, (scaled - index as f32).clamp(0.0, 0.999_999_9));
+            return Some((index, share, (scaled - index as f32).clamp(0.0, 0.999_999_9)));
         }
         let mut before = 0.0;
         for (index, &chance) in self.each[..last].iter().enumerate() {
             if x < before + chance {
-                return (index, chance, ((x - before) / chance).clamp(0.0, 0.999_999_9));
+                return Some((index, chance, ((x - before) / chance).clamp(0.0, 0.999_999_9)));
             }
             before += chance;
         }
         let chance = self.each[last];
-        (last, chance, ((x - before) / chance).clamp(0.0, 0.999_999_9))
+        Some((last, chance, ((x - before) / chance).clamp(0.0, 0.999_999_9)))
     }
 }

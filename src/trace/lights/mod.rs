@@ -9,6 +9,7 @@
 mod area;
 mod choice;
 mod point;
+mod suns;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -26,6 +27,8 @@ use area::AreaLight;
 use choice::LightChoice;
 pub(super) use choice::LightPmf;
 use point::PointLight;
+pub(super) use suns::SunShare;
+use suns::Suns;
 
 /// One light, ready to be sampled.
 #[derive(Debug)]
@@ -33,6 +36,8 @@ enum Source {
     Area(AreaLight),
     Point(PointLight),
     Environment(EnvironmentEmitter),
+    /// Never drawn: a surface asks for all of them ([`LightSampler::suns`]).
+    Suns,
 }
 
 /// All lights of a scene.
@@ -44,6 +49,27 @@ pub(super) struct LightSampler {
     distant: Vec<u32>,
     /// Lights that the camera does not see, ascending.
     unseen: Vec<u32>,
+    /// Places of the sun, of which every path's first surface asks for its share.
+    suns: Vec<Suns>,
+    /// The sky whose reflected light has columns of its own.
+    split: Option<SplitSky>,
+}
+
+/// A sky with two rows of columns: for what comes straight from it, and for what other surfaces reflect.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SplitSky {
+    first_column: u32,
+    /// Columns of a row.
+    count: u32,
+}
+
+impl SplitSky {
+    /// The column of light that other surfaces reflect.
+    #[inline(always)]
+    pub(super) fn reflected(self, column: u32) -> u32 {
+        let is_its = column.wrapping_sub(self.first_column) < self.count;
+        if is_its { column + self.count } else { column }
+    }
 }
 
 /// A surface that light falls on.
@@ -109,25 +135,40 @@ impl LightSampler {
                 "give the scene one emitter for each light, and at least one",
             ));
         }
-        let mut sources = Vec::new();
+        let (mut sources, mut suns, mut split) = (Vec::new(), Vec::new(), None);
         for (emitter, light) in scene.emitters.iter().zip(scene.basis.lights()) {
             let source = match emitter {
                 Emitter::Area(emitter) => Source::Area(AreaLight::new(scene, emitter, &light.name)?),
                 Emitter::Point(emitter) => Source::Point(PointLight::new(emitter.clone())),
-                Emitter::Environment(emitter) => Source::Environment(*emitter),
+                Emitter::Environment(emitter) => {
+                    if emitter.is_split {
+                        let count = emitter.mapping.texel_count();
+                        split = Some(SplitSky { first_column: light.first_column, count });
+                    }
+                    Source::Environment(*emitter)
+                }
+                Emitter::Suns(places) => {
+                    suns.push(Suns::new(places, light.first_column));
+                    Source::Suns
+                }
             };
             sources.push((source, light.first_column));
         }
         let is_distant = |source: &Source| match source {
-            Source::Area(_) => false,
+            Source::Area(_) | Source::Suns => false,
             Source::Point(light) => light.is_disc(),
             Source::Environment(_) => true,
         };
         let distant = (0..sources.len() as u32).filter(|&i| is_distant(&sources[i as usize].0)).collect();
-        let choice = LightChoice::new(scene, &sources);
+        // Places of the sun are the last lights, and are not drawn.
+        let drawn = sources.iter().take_while(|(source, _)| !matches!(source, Source::Suns)).count();
+        if sources[drawn..].iter().any(|(source, _)| !matches!(source, Source::Suns)) {
+            return Err(Error::input(&scene.name, "has a light behind places of the sun", "put these last"));
+        }
+        let choice = LightChoice::new(scene, &sources[..drawn]);
         let mut unseen = scene.unseen_lights.clone();
         unseen.sort_unstable();
-        Ok(Self { sources, choice, distant, unseen })
+        Ok(Self { sources, choice, distant, unseen, suns, split })
     }
 
     /// Whether the camera sees a light.
@@ -140,6 +181,17 @@ impl LightSampler {
     #[inline(always)]
     pub(super) fn all_are_seen(&self) -> bool {
         self.unseen.is_empty()
+    }
+
+    /// Places of the sun.
+    #[inline(always)]
+    pub(super) fn suns(&self) -> &[Suns] {
+        &self.suns
+    }
+
+    /// The sky whose reflected light has columns of its own.
+    pub(super) fn split_sky(&self) -> Option<SplitSky> {
+        self.split
     }
 
     /// The probabilities of all lights at a surface.
@@ -161,12 +213,13 @@ impl LightSampler {
         pair: Vec2,
     ) -> Option<LightSample> {
         let position = at.position;
-        let (index, chance, x) = chances.choose(pair.x);
+        let (index, chance, x) = chances.choose(pair.x)?;
         let pair = Vec2::new(x, pair.y);
         let (source, first_column) = &self.sources[index];
         let mut sample = match source {
             Source::Area(light) => light.sample(scene, position, pair)?,
             Source::Point(light) => light.sample(position, pair)?,
+            Source::Suns => return None,
             Source::Environment(light) => {
                 // Emission is 1 everywhere, so directions follow the cosine at the surface alone.
                 let (side, pair) = if at.two_sided { side_of(pair) } else { (1.0, pair) };
@@ -209,7 +262,7 @@ impl LightSampler {
         self.distant.iter().filter_map(move |&i| {
             let (source, first_column) = &self.sources[i as usize];
             let mut found = match source {
-                Source::Area(_) => return None,
+                Source::Area(_) | Source::Suns => return None,
                 Source::Point(light) => light.found(direction)?,
                 Source::Environment(light) => {
                     SeenLight { source: 0, column: environment_column(light, direction), radiance: Vec3::ONE, pdf: sky }
@@ -229,6 +282,8 @@ impl LightSampler {
         let mut emitted = match source {
             Source::Area(light) => light.emit(scene, targets, pairs)?,
             Source::Point(light) => light.emit(targets, pairs)?,
+            // What mirrors and glass throw on is no light that comes straight.
+            Source::Suns => return None,
             Source::Environment(light) => {
                 let towards = cap_direction(Vec3::Z, 2.0, pairs[0]);
                 let (origin, across) = targets.sample_beam(towards, pairs[1])?;
@@ -247,7 +302,7 @@ impl LightSampler {
             Some((Source::Area(light), _)) => light.emitted_density(targets, hit),
             Some((Source::Point(light), _)) => light.emitted_density(targets, hit),
             Some((Source::Environment(_), _)) => EVERYWHERE * targets.beam_density(hit.position, hit.direction),
-            None => 0.0,
+            Some((Source::Suns, _)) | None => 0.0,
         }
     }
 }
@@ -349,6 +404,8 @@ mod tests {
             camera,
             emitters,
             unseen_lights: Vec::new(),
+            sensors: None,
+            shows_irradiance: false,
             basis,
             metres_per_unit,
         })
@@ -496,7 +553,7 @@ mod tests {
             (EnvironmentMapping::Octahedral { side: 6 }, LightKind::Octahedral { side: 6 }),
             (EnvironmentMapping::LatLong { across: 9, down: 4 }, LightKind::LatLong { across: 9, down: 4 }),
         ] {
-            let sky = EnvironmentEmitter { mapping, world_from_environment: turned };
+            let sky = EnvironmentEmitter { mapping, world_from_environment: turned, is_split: false };
             holds("environment", scene(&[], kind, Emitter::Environment(sky)), Vec3::Y, PI);
         }
         for radius in [0.004_651, 0.4] {

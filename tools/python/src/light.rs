@@ -1,6 +1,6 @@
 //! Lights and weights as Python gives and takes them.
 
-use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
+use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting, SkyPatches};
 use ltm::matrix::CHANNELS;
 use ltm::{Error, Result};
 
@@ -45,8 +45,13 @@ pub(crate) fn basis_of(lights: Vec<LightTuple>) -> Result<LightBasis> {
             "sun" => LightKind::Sun,
             "ies" => LightKind::Ies,
             "image" => LightKind::Image,
+            "suns" => LightKind::Suns { count: across },
+            "patches" => match SkyPatches::of_count(across).filter(|_| (1..=2).contains(&down)) {
+                Some(patches) => LightKind::Patches { subdivision: patches.subdivision(), is_split: down == 2 },
+                None => return Err(unknown("number of patches", &format!("{across} × {down}"), "146, 578, 1298, 2306, …")),
+            },
             _ => {
-                let hint = "kinds are lamp, area, lat-long, octahedral, point, spot, sun, ies, image";
+                let hint = "kinds are lamp, area, lat-long, octahedral, point, spot, sun, ies, image, patches, suns";
                 return Err(unknown("kind", &kind, hint));
             }
         };

@@ -229,7 +229,7 @@ pub(crate) fn render<'py>(
     let RenderChoices { samples, size, seed, block_side, camera, allow_missing, allow_outside, .. } = choices;
     let RenderChoices { overwrite, memory_bytes, .. } = choices;
     let (render, packed) = run(py, progress.as_ref(), |watch| {
-        let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera })?;
+        let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera, grid: None })?;
         loaded.warnings.iter().for_each(|warning| watch.warn(warning));
         if let Some((width, height)) = size {
             loaded = loaded.sized(width, height);

@@ -10,6 +10,7 @@ mod chart;
 mod codecs;
 mod corpus;
 pub mod curve;
+mod daylight;
 mod dct;
 mod equal;
 mod example;
@@ -92,6 +93,8 @@ pub enum Study {
     Imports,
     /// The worked example of the guide.
     Example,
+    /// Sensors under the patches of a sky, beside Radiance.
+    Daylight,
     /// Seconds from a scene to relit images.
     Speed,
     /// Time and memory against sizes.
@@ -124,7 +127,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -141,6 +144,7 @@ impl Study {
         Self::Equal,
         Self::Imports,
         Self::Example,
+        Self::Daylight,
         Self::Shared,
         Self::Speed,
         Self::Scaling,
@@ -163,6 +167,7 @@ impl Study {
             Self::Equal => "equal",
             Self::Imports => "imports",
             Self::Example => "example",
+            Self::Daylight => "daylight",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
             Self::Shared => "shared",
@@ -194,6 +199,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> R
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
             Study::Example => example::run(&bench)?,
+            Study::Daylight => daylight::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
             Study::Shared => shared::run(&bench)?,

@@ -143,7 +143,10 @@ impl Pattern {
             return Self::filled(size, [0.0; 3]);
         }
         if let Some(mapping) = kind.environment() {
-            let texels = mapping.resample((image.width, image.height), &image.pixels, 0.0);
+            let mut texels = mapping.resample((image.width, image.height), &image.pixels, 0.0);
+            if matches!(kind, LightKind::Patches { is_split: true, .. }) {
+                texels.extend_from_within(..);
+            }
             return Self { size, texels: Arc::new(texels) };
         }
         let clean = |pixel: [f32; 3]| pixel.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });

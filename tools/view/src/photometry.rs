@@ -63,7 +63,9 @@ pub fn quantities(light: &Light, metres_per_unit: f32) -> Vec<(Quantity, f64)> {
             | LightKind::LatLong { .. }
             | LightKind::Octahedral { .. }
             | LightKind::Spot
+            | LightKind::Patches { .. }
             | LightKind::Sun
+            | LightKind::Suns { .. }
             | LightKind::Ies
             | LightKind::Image => vec![(Quantity::Intensity, lumens)],
         },

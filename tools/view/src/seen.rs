@@ -9,7 +9,11 @@ use ltm::scene::Camera;
 pub fn position(camera: &Camera, light: &Light) -> Option<[f32; 2]> {
     let middle = light.places.iter().map(|place| Vec3::from(*place)).sum::<Vec3>() / light.places.len().max(1) as f32;
     let at = match light.kind {
-        LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Image => None,
+        LightKind::LatLong { .. }
+        | LightKind::Octahedral { .. }
+        | LightKind::Patches { .. }
+        | LightKind::Suns { .. }
+        | LightKind::Image => None,
         LightKind::Sun => camera.position(middle.try_normalize()?),
         LightKind::Lamp | LightKind::AreaTexels { .. } | LightKind::Point | LightKind::Spot | LightKind::Ies => {
             camera.position_of(middle)

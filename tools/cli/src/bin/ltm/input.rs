@@ -31,6 +31,9 @@ pub(crate) struct SceneFiles {
     /// Which camera of a glTF file [default: the first].
     #[arg(long)]
     pub(crate) camera: Option<String>,
+    /// Render this grid of sensors of a scene file in the place of its camera.
+    #[arg(long)]
+    pub(crate) grid: Option<String>,
     /// Render although textures are missing, with the materials' colours in their place.
     #[arg(long)]
     pub(crate) allow_missing: bool,
@@ -41,12 +44,13 @@ pub(crate) struct SceneFiles {
 
 impl SceneFiles {
     pub(crate) fn load_options(&self, memory_bytes: Option<u64>) -> LoadOptions {
-        let Self { camera, allow_missing, allow_outside } = self;
+        let Self { camera, grid, allow_missing, allow_outside } = self;
         LoadOptions {
             allow_missing: *allow_missing,
             allow_outside: *allow_outside,
             memory_bytes,
             camera: camera.clone(),
+            grid: grid.clone(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
+mod daylight;
 mod demo;
 mod farm;
 mod info;
@@ -69,6 +70,12 @@ enum Command {
   ltm relight room.ltc -o lights.exr --layers lights
   ltm relight room.ltc -o lux.png --false-colour illuminance --reflectance 0.5")]
     Relight(relight::Relight),
+    /// A year of daylight: autonomy, useful illuminance and sun of every sensor and pixel of a scene under a climate.
+    #[command(after_help = "Examples:
+  ltm daylight room.toml --climate city.epw -o year    its grids and its camera
+  ltm daylight room.toml --climate city.epw --view desk --hourly
+  ltm daylight year/camera.ltc --climate other.epw -o other")]
+    Daylight(daylight::Daylight),
     /// Write a container as a web page: a picture whose lights its viewers mix, on any static host or from a disk.
     #[command(after_help = "Examples:
   ltm share room.ltc -o site                    a folder to put on a static host
@@ -119,6 +126,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Plan(options) => plan::run(&options, console),
         Command::Build(options) => farm::build(&options, console),
         Command::Relight(options) => relight::run(&options, console),
+        Command::Daylight(options) => daylight::run(&options, console),
         Command::Share(options) => share::run(&options, console),
         Command::View(options) => sibling::run("ltm-view", arguments.threads, &options),
         Command::Info(options) => info::run(&options, console),

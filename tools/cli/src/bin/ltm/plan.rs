@@ -72,6 +72,7 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
         "seed": options.overrides.seed,
         "size": options.overrides.size.map(|(width, height)| [width, height]),
         "camera": options.files.camera,
+        "grid": options.files.grid,
         "allow_missing": options.files.allow_missing,
         "allow_outside": options.files.allow_outside,
         "compression": options.compression.arguments(),
@@ -227,6 +228,7 @@ impl Planned {
             allow_outside: self.value["allow_outside"] == true,
             memory_bytes,
             camera: self.value["camera"].as_str().map(str::to_owned),
+            grid: self.value["grid"].as_str().map(str::to_owned),
         };
         let overrides = Overrides { samples: number(&self.value["samples"]), seed: self.value["seed"].as_u64(), size };
         let loaded = overrides.of(pipeline::load_scene(&scene, load)?);

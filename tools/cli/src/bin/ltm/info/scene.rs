@@ -12,7 +12,8 @@ use serde_json::json;
 use super::{MAX_LISTED, lights_json, print_json, print_lights, print_more};
 
 pub(super) fn run(path: &Path, as_json: bool, allow_outside: bool, memory_bytes: Option<u64>) -> Result<()> {
-    let found = survey(path, &LoadOptions { allow_missing: true, allow_outside, memory_bytes, camera: None })?;
+    let found =
+        survey(path, &LoadOptions { allow_missing: true, allow_outside, memory_bytes, ..LoadOptions::default() })?;
     if as_json {
         print_as_json(path, &found);
     } else {

@@ -1,0 +1,190 @@
+//! A year of daylight over the pixels or sensors of a matrix, block by block.
+
+mod hours_file;
+mod output;
+mod product;
+mod year_light;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use self::hours_file::HoursFile;
+pub use self::output::{write_ill, write_measures};
+use self::product::{BlockHours, PixelHours};
+use self::year_light::YearLight;
+use crate::container::ContainerReader;
+use crate::daylight::{
+    ANNUAL_MEASURES, AnnualMeasures, Climate, HourSums, Schedule, SkyOptions, SpatialMeasures, Thresholds,
+};
+use crate::error::{Error, Result};
+use crate::light::Job;
+use crate::matrix::{BlockId, BlockSource, TracedBlock};
+use crate::resources::{Held, PerThread, Progress, ResourceEstimate, Threads};
+use crate::store::StoreReader;
+
+/// Place of the mean illuminance in [`ANNUAL_MEASURES`].
+const MEAN: usize = 6;
+
+/// Mean illuminance over the median of a picture's below which a pixel of a container sees no surface: what compression leaves where an
+/// emitter is in view.
+const LEFT_OVER: f32 = 0.02;
+
+/// Choices of a year.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DaylightOptions {
+    /// Ground and north.
+    pub sky: SkyOptions,
+    /// The time of use.
+    pub schedule: Schedule,
+    /// Illuminances that measures ask for.
+    pub thresholds: Thresholds,
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
+    pub memory_bytes: Option<u64>,
+    /// Whether files are replaced.
+    pub overwrite: bool,
+}
+
+/// A matrix whose rows are irradiance, in either form.
+pub enum DaylightSource<'a> {
+    /// A container.
+    Container(&'a ContainerReader),
+    /// A stored matrix.
+    Stored(&'a StoreReader),
+}
+
+/// What a year gives.
+#[derive(Clone, Debug)]
+pub struct DaylightYear {
+    /// Pixels or sensors (across, down).
+    pub size: (u32, u32),
+    /// Measures of each, row by row; NaN where no light reaches.
+    pub measures: Vec<AnnualMeasures>,
+    /// Measures of all that any light reaches.
+    pub space: SpatialMeasures,
+    /// Pixels or sensors that no light reaches; of a container also pixels below a fiftieth of the median's illuminance, which see
+    /// emitters and no surface.
+    pub dark: usize,
+    /// Lit steps of the climate.
+    pub lit_steps: usize,
+}
+
+impl DaylightSource<'_> {
+    fn job(&self) -> &Job {
+        match self {
+            Self::Container(container) => container.job(),
+            Self::Stored(matrix) => matrix.job(),
+        }
+    }
+
+    /// A block over the hours of a year.
+    fn hours(&self, id: BlockId, year: &YearLight, scratch: &mut TracedBlock) -> Result<BlockHours> {
+        Ok(match self {
+            Self::Container(container) => BlockHours::of_factors(&container.read_block(id)?, year),
+            Self::Stored(matrix) => {
+                let pixels = self.job().shape.rect(id).pixels();
+                let mut made = None;
+                matrix.visit_block(id, scratch, &mut |block| {
+                    made = Some(BlockHours::of_entries(block.view(), pixels, year));
+                    Ok(())
+                })?;
+                made.ok_or_else(|| Error::input(id.to_string(), "was not read", ""))?
+            }
+        })
+    }
+
+    /// Largest inner width of a block.
+    fn largest_rank(&self) -> usize {
+        match self {
+            Self::Container(container) => {
+                container.job().shape.blocks().map(|id| container.rank(id)).max().unwrap_or(0)
+            }
+            Self::Stored(matrix) => matrix.job().shape.columns(),
+        }
+    }
+}
+
+/// The year of a climate over a matrix whose rows are irradiance; `place` names it in messages. With `hours`, the illuminance of every
+/// pixel at every step of the climate goes to a NumPy array `[pixels, steps]` there, as it is made.
+///
+/// Memory grows with the pixels by their measures alone, and not with pixels × hours.
+///
+/// # Errors
+/// A matrix without a sky, or with one that does not fit its places of the sun; a block that cannot be read; too little memory; the system
+/// refuses to write; [`Error::Interrupted`] when the watch says so.
+pub fn daylight(
+    source: &DaylightSource<'_>,
+    place: &str,
+    climate: &Climate,
+    options: &DaylightOptions,
+    hours: Option<&Path>,
+    watch: &dyn Progress,
+) -> Result<DaylightYear> {
+    let Job { shape, basis, .. } = source.job();
+    let (pixels, block) = (shape.width() as usize * shape.height() as usize, shape.block_side() as usize);
+    let (columns, steps) = (shape.columns(), climate.steps.len());
+    let inner = BlockHours::bytes(block * block, source.largest_rank(), columns, steps);
+    let kept = if hours.is_some() { 4 * (block * block * steps) as u64 } else { 0 };
+    let measured = pixels * (size_of::<AnnualMeasures>() + size_of::<HourSums>());
+    let parts = [Held(YearLight::bytes(columns, steps)), Held(measured as u64)];
+    let need = ResourceEstimate::of(&[&parts[0], &parts[1], &PerThread(inner + kept + shape.max_block_bytes())]);
+    let output = hours.unwrap_or(Path::new(place));
+    let threads = Threads::new(need.admit("the year", output, &[], options.memory_bytes, watch)?)?;
+    let year = YearLight::new(place, basis, climate, options)?;
+    let file = hours.map(|path| HoursFile::begin(path, [pixels, steps], options.overwrite)).transpose()?;
+    let sums = Mutex::new(vec![HourSums::default(); pixels]);
+    watch.begin("the year", u64::from(shape.block_count()), "blocks");
+    let one = |scratch: &mut TracedBlock, id: BlockId| -> Result<()> {
+        if watch.interrupted() {
+            return Err(Error::interrupted("nothing is kept of an unfinished year"));
+        }
+        let rect = shape.rect(id);
+        let hours = source.hours(id, &year, scratch)?;
+        let mut own = vec![HourSums::default(); rect.pixels()];
+        let mut kept = file.as_ref().map(|_| vec![0.0; rect.pixels() * year.hours()]);
+        hours.add_to(&year, &options.thresholds, PixelHours { sums: &mut own, hours: kept.as_deref_mut() });
+        let at = |pixel: usize| {
+            let (x, y) = (pixel as u32 % rect.width, pixel as u32 / rect.width);
+            (rect.y + y) as usize * shape.width() as usize + (rect.x + x) as usize
+        };
+        if let (Some(file), Some(kept)) = (&file, &kept) {
+            file.write(&year.steps, kept, at)?;
+        }
+        let mut sums = sums.lock().expect("no panic holds it");
+        own.into_iter().enumerate().for_each(|(pixel, own)| sums[at(pixel)] = own);
+        drop(sums);
+        watch.advance(1, (rect.pixels() * year.hours()) as u64, "hours of pixels");
+        Ok(())
+    };
+    let made =
+        threads.run(|| shape.blocks().collect::<Vec<_>>().into_par_iter().try_for_each_init(TracedBlock::default, one));
+    watch.end();
+    made?;
+    if let Some(file) = file {
+        file.finish()?;
+    }
+    let steps_of_hour = climate.steps_of_hour().unwrap_or(1) as f64;
+    let sums = sums.into_inner().expect("no panic holds it");
+    let of = |sums: &HourSums| sums.measures(year.used, year.day, steps_of_hour, year.knows_sun);
+    let mut measures: Vec<AnnualMeasures> = sums.iter().map(of).collect();
+    let least = match source {
+        DaylightSource::Container(_) => LEFT_OVER * median(measures.iter().map(|pixel| pixel.values[MEAN])),
+        DaylightSource::Stored(_) => 0.0,
+    };
+    for (pixel, sums) in measures.iter_mut().zip(&sums) {
+        if sums.is_dark() || pixel.values[MEAN] < least {
+            pixel.values = [f32::NAN; ANNUAL_MEASURES.len()];
+        }
+    }
+    let lit = || measures.iter().filter(|pixel| !pixel.values[MEAN].is_nan());
+    let (space, dark) = (SpatialMeasures::of(lit()), pixels - lit().count());
+    Ok(DaylightYear { size: (shape.width(), shape.height()), measures, space, dark, lit_steps: year.hours() })
+}
+
+/// The median of the values above 0; 0 without any.
+fn median(values: impl Iterator<Item = f32>) -> f32 {
+    let mut lit: Vec<f32> = values.filter(|value| *value > 0.0).collect();
+    let middle = lit.len() / 2;
+    if lit.is_empty() { 0.0 } else { *lit.select_nth_unstable_by(middle, f32::total_cmp).1 }
+}

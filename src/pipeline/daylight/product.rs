@@ -1,0 +1,234 @@
+//! The hours of the pixels of a block: `T S`, where `S` has a column for each hour.
+//!
+//! Of factors `L R` this is `L (R S)`: `R S` is made once for a block, and costs what the rank does and not the number of columns. Sums
+//! over channels come first, since the sky has one spectrum in all hours.
+
+use std::ops::Range;
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+
+use super::year_light::YearLight;
+use crate::daylight::{HourSums, LUMENS_PER_WATT, LUMINANCE_WEIGHTS, Thresholds};
+use crate::matrix::{BlockView, CHANNELS, ColumnIndex, FactoredBlock};
+
+/// Hours that are summed together: a row of them stays in the first cache.
+const CHUNK: usize = 512;
+
+/// A block ready for the product: lux of a pixel at an hour is `left · right`, and what stands apart.
+pub(super) struct BlockHours {
+    pixels: usize,
+    /// Inner width.
+    rank: usize,
+    /// Pixels × rank.
+    left: Vec<f32>,
+    /// Rank × hours.
+    right: Vec<f32>,
+    /// The same of the direct sun alone.
+    sun: Vec<f32>,
+    /// Single entries: pixel, column, value; by pixel.
+    entries: Vec<(u32, u32, f32)>,
+}
+
+/// What a pixel brings: its sums, and its hours where they are kept.
+pub(super) struct PixelHours<'a> {
+    pub(super) sums: &'a mut [HourSums],
+    /// Pixels × hours, in the order of the year's.
+    pub(super) hours: Option<&'a mut [f32]>,
+}
+
+/// The weight of a channel in lux for a unit of radiance or irradiance.
+fn lux_of(channel: usize) -> f32 {
+    LUMINANCE_WEIGHTS[channel] * LUMENS_PER_WATT as f32
+}
+
+impl BlockHours {
+    /// Of factors.
+    pub(super) fn of_factors(block: &FactoredBlock, year: &YearLight) -> Self {
+        let (pixels, rank, hours) = (block.rows / CHANNELS, block.rank(), year.hours());
+        let mut left = vec![0.0; pixels * rank];
+        for k in 0..rank {
+            for (channel, plane) in block.left_component(k).chunks_exact(pixels.max(1)).enumerate() {
+                let weight = lux_of(channel);
+                plane.iter().enumerate().for_each(|(pixel, value)| left[pixel * rank + k] += weight * value);
+            }
+        }
+        let (columns, texels) = year.sky_columns();
+        let mut of_texels = vec![0.0; rank * texels];
+        let (mut right, mut sun) = (vec![0.0; rank * hours], vec![0.0; rank * hours]);
+        for (k, sums) in of_texels.chunks_exact_mut(texels).enumerate() {
+            for row in block.right_component(k)[columns.clone()].chunks_exact(texels) {
+                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+            }
+        }
+        multiply(&mut right, &of_texels, &year.sky, [rank, texels, hours]);
+        for k in 0..rank {
+            let (values, row) = (block.right_component(k), k * hours..(k + 1) * hours);
+            add_sun(year, values, &mut right[row.clone()], &mut sun[row]);
+        }
+        let mut entries: Vec<_> = (block.sparse.iter())
+            .map(|entry| (entry.row % pixels as u32, entry.column.0, lux_of(entry.row as usize / pixels) * entry.value))
+            .collect();
+        entries.sort_by_key(|(pixel, ..)| *pixel);
+        Self { pixels, rank, left, right, sun, entries }
+    }
+
+    /// Of the entries themselves: the columns of the sky are the inner width, and those of places of the sun stand apart.
+    pub(super) fn of_entries(block: BlockView<'_>, pixels: usize, year: &YearLight) -> Self {
+        let (columns, texels) = year.sky_columns();
+        let mut left = vec![0.0; pixels * texels];
+        let mut entries = Vec::new();
+        let lux = |column: usize| -> Vec<f32> {
+            let mut lux = vec![0.0; pixels];
+            for (channel, plane) in block.column(ColumnIndex(column as u32)).chunks_exact(pixels).enumerate() {
+                lux.iter_mut().zip(plane).for_each(|(sum, value)| *sum += lux_of(channel) * value);
+            }
+            lux
+        };
+        for column in columns.clone() {
+            let texel = (column - columns.start) % texels;
+            let has_sun = !year.sun_of(column as u32).is_empty();
+            for (pixel, value) in lux(column).into_iter().enumerate().filter(|(_, value)| *value != 0.0) {
+                left[pixel * texels + texel] += value;
+                if has_sun {
+                    entries.push((pixel as u32, column as u32, value));
+                }
+            }
+        }
+        let mut suns: Vec<u32> =
+            year.sun.iter().map(|sun| sun.column).filter(|c| !columns.contains(&(*c as usize))).collect();
+        suns.dedup();
+        for column in suns {
+            let lit = lux(column as usize).into_iter().enumerate().filter(|(_, value)| *value != 0.0);
+            entries.extend(lit.map(|(pixel, value)| (pixel as u32, column, value)));
+        }
+        entries.sort_by_key(|(pixel, ..)| *pixel);
+        Self { pixels, rank: texels, left, right: Vec::new(), sun: Vec::new(), entries }
+    }
+
+    /// Bytes of the factors of a block of `pixels`, of an inner width of at most `rank`, over so many hours.
+    pub(super) fn bytes(pixels: usize, rank: usize, texels: usize, hours: usize) -> u64 {
+        4 * (pixels * rank + 2 * rank * hours + rank * texels) as u64
+    }
+
+    /// Adds the hours of all pixels.
+    pub(super) fn add_to(&self, year: &YearLight, thresholds: &Thresholds, mut target: PixelHours<'_>) {
+        for segment in &year.segments {
+            for begin in segment.hours.clone().step_by(CHUNK) {
+                let range = begin..(begin + CHUNK).min(segment.hours.end);
+                let asked = (segment.is_used, segment.is_day);
+                pulp::Arch::new().dispatch(Chunk { block: self, year, thresholds, range, asked, target: &mut target });
+            }
+        }
+    }
+}
+
+/// `product = a b`, row-major of rows × inner × columns.
+fn multiply(product: &mut [f32], a: &[f32], b: &[f32], [rows, inner, columns]: [usize; 3]) {
+    let product = MatMut::from_row_major_slice_mut(product, rows, columns);
+    let (a, b) = (MatRef::from_row_major_slice(a, rows, inner), MatRef::from_row_major_slice(b, inner, columns));
+    matmul(product, Accum::Replace, a, b, 1.0, Par::Seq);
+}
+
+/// Adds the sun over a component's values of all columns to its hours.
+fn add_sun(year: &YearLight, values: &[f32], hours: &mut [f32], direct: &mut [f32]) {
+    for sun in &year.sun {
+        let light = values[sun.column as usize] * sun.weight;
+        hours[sun.hour as usize] += light;
+        if sun.is_direct {
+            direct[sun.hour as usize] += light;
+        }
+    }
+}
+
+/// Some hours of all pixels of a block, compiled for the widest vectors of the processor.
+struct Chunk<'a, 'b> {
+    block: &'a BlockHours,
+    year: &'a YearLight,
+    thresholds: &'a Thresholds,
+    range: Range<usize>,
+    asked: (bool, bool),
+    target: &'a mut PixelHours<'b>,
+}
+
+impl pulp::NullaryFnOnce for Chunk<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { block, year, thresholds, range, asked, target } = self;
+        let (hours, count) = (year.hours(), range.len());
+        // Where there are no factors the sky itself is the right side.
+        let right = if block.right.is_empty() { &year.sky } else { &block.right };
+        let wants_sun = year.knows_sun && asked.0;
+        let (mut all, mut of_sun) = ([0.0f32; CHUNK], [0.0f32; CHUNK]);
+        let mut entries = &block.entries[..];
+        for pixel in 0..block.pixels {
+            let left = &block.left[pixel * block.rank..][..block.rank];
+            let (lux, sun) = (&mut all[..count], &mut of_sun[..count]);
+            lux.fill(0.0);
+            add_product(lux, left, right, hours, range.start);
+            sun.fill(0.0);
+            if wants_sun && !block.sun.is_empty() {
+                add_product(sun, left, &block.sun, hours, range.start);
+            }
+            let own = entries.iter().take_while(|(at, ..)| *at as usize == pixel).count();
+            for &(_, column, value) in &entries[..own] {
+                add_entry(year, (column, value, block.right.is_empty()), &range, lux, sun);
+            }
+            entries = &entries[own..];
+            // Noise and compression may leave less than nothing.
+            lux.iter_mut().for_each(|value| *value = value.max(0.0));
+            target.sums[pixel].add(lux, thresholds, asked);
+            if wants_sun {
+                target.sums[pixel].add_sun(sun, thresholds);
+            }
+            if let Some(kept) = &mut target.hours {
+                kept[pixel * hours..][range.clone()].copy_from_slice(lux);
+            }
+        }
+    }
+}
+
+/// Adds `left · right` of some hours.
+#[inline(always)]
+fn add_product(sums: &mut [f32], left: &[f32], right: &[f32], hours: usize, start: usize) {
+    let count = sums.len();
+    let mut k = 0;
+    // Four rows at once, so that sums are read and written a fourth as often.
+    while k + 4 <= left.len() {
+        let rows: [&[f32]; 4] = std::array::from_fn(|i| &right[(k + i) * hours + start..][..count]);
+        let w = [left[k], left[k + 1], left[k + 2], left[k + 3]];
+        for i in 0..count {
+            sums[i] += w[0] * rows[0][i] + w[1] * rows[1][i] + w[2] * rows[2][i] + w[3] * rows[3][i];
+        }
+        k += 4;
+    }
+    for (k, w) in left.iter().enumerate().skip(k) {
+        let row = &right[k * hours + start..][..count];
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += w * value);
+    }
+}
+
+/// Adds one entry of a matrix over some hours; of a matrix without factors the sky is counted already.
+#[inline(always)]
+fn add_entry(
+    year: &YearLight,
+    (column, value, has_sky): (u32, f32, bool),
+    range: &Range<usize>,
+    lux: &mut [f32],
+    direct: &mut [f32],
+) {
+    if !has_sky && let Some(row) = year.sky_row(column) {
+        lux.iter_mut().zip(&row[range.clone()]).for_each(|(sum, sky)| *sum += value * sky);
+    }
+    let suns = year.sun_of(column);
+    let first = suns.partition_point(|sun| (sun.hour as usize) < range.start);
+    for sun in suns[first..].iter().take_while(|sun| (sun.hour as usize) < range.end) {
+        let (at, light) = (sun.hour as usize - range.start, value * sun.weight);
+        lux[at] += light;
+        if sun.is_direct {
+            direct[at] += light;
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The lighting of a year over the columns of a matrix.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::DaylightOptions;
+use crate::daylight::{Climate, SkyModel, SkyTexels};
+use crate::error::{Error, Result};
+use crate::light::{Light, LightBasis, LightKind};
+
+/// Cosine between the sun and the nearest of its places below which this is too far away: some 12°.
+const NEAR: f64 = 0.978;
+
+/// Light of the sun on a column at an hour.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SunWeight {
+    pub(super) column: u32,
+    pub(super) hour: u32,
+    pub(super) weight: f32,
+    /// Whether the column has what comes straight from the sun.
+    pub(super) is_direct: bool,
+}
+
+/// Hours in a row of which the same is asked.
+#[derive(Clone, Debug)]
+pub(super) struct Segment {
+    pub(super) hours: Range<usize>,
+    pub(super) is_used: bool,
+    pub(super) is_day: bool,
+}
+
+/// The lit steps of a climate, ordered by what is asked of them, and the weights of the columns in each.
+pub(super) struct YearLight {
+    /// Step of the climate of each hour.
+    pub(super) steps: Vec<u32>,
+    pub(super) segments: Vec<Segment>,
+    first_column: u32,
+    texels: u32,
+    is_split: bool,
+    /// Texels × hours.
+    pub(super) sky: Vec<f32>,
+    /// By column, then hour.
+    pub(super) sun: Vec<SunWeight>,
+    of_column: HashMap<u32, Range<usize>>,
+    /// Steps in the time of use, and with the sun up, dark ones among them.
+    pub(super) used: u32,
+    pub(super) day: u32,
+    /// Whether what comes straight from the sun has columns that are apart from the rest.
+    pub(super) knows_sun: bool,
+}
+
+/// The lights that daylight is put on.
+struct Lights<'a> {
+    sky: &'a Light,
+    is_split: bool,
+    suns: Option<&'a Light>,
+}
+
+impl<'a> Lights<'a> {
+    fn of(place: &str, basis: &'a LightBasis) -> Result<Self> {
+        let refuse = |problem: String, hint: &str| Err(Error::input(place, problem, hint));
+        let skies: Vec<&Light> = basis.lights().iter().filter(|light| light.kind.is_environment()).collect();
+        let suns: Vec<&Light> =
+            basis.lights().iter().filter(|light| matches!(light.kind, LightKind::Suns { .. })).collect();
+        let [sky] = skies[..] else {
+            let hint = "give the scene a [[light]] of kind \"environment\", such as patches = \"reinhart\"";
+            return refuse(format!("has {} environments that could be the sky", skies.len()), hint);
+        };
+        if suns.len() > 1 {
+            return refuse("has several lights of kind \"suns\"".into(), "leave one");
+        }
+        let is_split = matches!(sky.kind, LightKind::Patches { is_split: true, .. });
+        let suns = suns.first().copied();
+        if suns.is_some() && !is_split {
+            let problem = format!("has places of the sun, but '{}' does not tell what surfaces reflect", sky.name);
+            return refuse(
+                problem,
+                "say split = true for the sky: what surfaces reflect of the sun is in those columns",
+            );
+        }
+        Ok(Self { sky, is_split, suns })
+    }
+}
+
+impl YearLight {
+    /// The light of a climate over a basis; `place` names the matrix in messages.
+    pub(super) fn new(place: &str, basis: &LightBasis, climate: &Climate, options: &DaylightOptions) -> Result<Self> {
+        let Lights { sky, is_split, suns } = Lights::of(place, basis)?;
+        let count = sky.places.len() / (1 + usize::from(is_split));
+        let texels = SkyTexels::new(&sky.places[..count], &sky.extents[..count]);
+        let model = SkyModel::new(climate, options.sky);
+        let is_day = |step: usize| model.sun(&climate.steps[step]).altitude > 0.0;
+        let is_used = |step: usize| options.schedule.holds(&climate.steps[step]);
+        let lit = (0..climate.steps.len()).into_par_iter();
+        let mut lit: Vec<_> = lit.filter_map(|step| Some((step, model.at(&climate.steps[step], &texels)?))).collect();
+        if lit.is_empty() {
+            return Err(Error::input(&*climate.site.name, "has no light at any time", "give another climate"));
+        }
+        lit.sort_by_key(|(step, _)| (!is_used(*step), !is_day(*step), *step));
+        let mut year = Self {
+            steps: lit.iter().map(|(step, _)| *step as u32).collect(),
+            segments: Vec::new(),
+            first_column: sky.first_column,
+            texels: count as u32,
+            is_split,
+            sky: vec![0.0; count * lit.len()],
+            sun: Vec::new(),
+            of_column: HashMap::new(),
+            used: (0..climate.steps.len()).filter(|step| is_used(*step)).count() as u32,
+            day: (0..climate.steps.len()).filter(|step| is_day(*step)).count() as u32,
+            knows_sun: is_split,
+        };
+        let hours = lit.len();
+        year.sky.par_chunks_exact_mut(hours).enumerate().for_each(|(texel, row)| {
+            row.iter_mut().zip(&lit).for_each(|(value, (_, now))| *value = now.radiance[texel]);
+        });
+        for (hour, (_, now)) in lit.iter().enumerate() {
+            let hour = hour as u32;
+            let spread = now.spread_sun(&texels);
+            let mut put = |column: u32, weight: f32, is_direct: bool| {
+                year.sun.push(SunWeight { column, hour, weight, is_direct });
+            };
+            for &(texel, weight) in &spread {
+                let column = sky.first_column + texel as u32;
+                if suns.is_none() {
+                    put(column, weight, is_split);
+                }
+                if is_split {
+                    put(column + count as u32, weight, false);
+                }
+            }
+            if let Some(suns) = suns.filter(|_| now.sun_is_up && !spread.is_empty()) {
+                let cosine = |place: &[f32; 3]| {
+                    let [x, y, z] = place.map(f64::from);
+                    now.towards_sun.dot([x, y, z].into())
+                };
+                let nearest = suns.places.iter().map(cosine).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+                let (place_of_sun, cosine) = nearest.unwrap_or_default();
+                if cosine < NEAR {
+                    let problem = format!("'{}' has no place within 12° of the sun at some hour", suns.name);
+                    let hint = "give the latitude of the climate's site, or patches of the whole sky";
+                    return Err(Error::input(place, problem, hint));
+                }
+                put(suns.first_column + place_of_sun as u32, now.sun_irradiance as f32, true);
+            }
+        }
+        year.segments = segments(&year.steps, |step| (is_used(step), is_day(step)));
+        year.sun.sort_by_key(|sun| (sun.column, sun.hour));
+        let mut start = 0;
+        for run in year.sun.chunk_by(|a, b| a.column == b.column) {
+            year.of_column.insert(run[0].column, start..start + run.len());
+            start += run.len();
+        }
+        Ok(year)
+    }
+
+    /// Number of lit hours.
+    pub(super) fn hours(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// The row of [`Self::sky`] that lights a column.
+    pub(super) fn sky_row(&self, column: u32) -> Option<&[f32]> {
+        let texel = column.checked_sub(self.first_column)?;
+        let rows = self.texels * (1 + u32::from(self.is_split));
+        let texel = (texel < rows).then_some((texel % self.texels) as usize)?;
+        Some(&self.sky[texel * self.hours()..][..self.hours()])
+    }
+
+    /// Columns of the sky, and texels of it.
+    pub(super) fn sky_columns(&self) -> (Range<usize>, usize) {
+        let (first, texels) = (self.first_column as usize, self.texels as usize);
+        (first..first + texels * (1 + usize::from(self.is_split)), texels)
+    }
+
+    /// The sun on a column, hour by hour.
+    pub(super) fn sun_of(&self, column: u32) -> &[SunWeight] {
+        self.of_column.get(&column).map_or(&[], |range| &self.sun[range.clone()])
+    }
+
+    /// Bytes that it takes.
+    pub(super) fn bytes(columns: usize, steps: usize) -> u64 {
+        // While it is made, each value is there twice.
+        2 * 4 * columns as u64 * steps as u64
+    }
+}
+
+/// Runs of hours with the same answers.
+fn segments(steps: &[u32], of: impl Fn(usize) -> (bool, bool)) -> Vec<Segment> {
+    let (mut segments, mut start) = (Vec::new(), 0);
+    for run in steps.chunk_by(|a, b| of(*a as usize) == of(*b as usize)) {
+        let (is_used, is_day) = of(run[0] as usize);
+        segments.push(Segment { hours: start..start + run.len(), is_used, is_day });
+        start += run.len();
+    }
+    segments
+}

@@ -1,0 +1,287 @@
+//! Daylight from scene files to a year's measures: against analytic illuminances, and against the product with each hour's sky.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ltm::compress::Target;
+use ltm::container::ContainerReader;
+use ltm::daylight::{Climate, Schedule, SkyModel, SkyOptions, SkyTexels};
+use ltm::light::{LightKind, Lighting};
+use ltm::matrix::{BlockId, ColumnIndex};
+use ltm::pipeline::{self, DaylightOptions, DaylightSource, PackOptions, RenderOptions};
+use ltm::resources::NoProgress;
+use ltm::scene::LoadOptions;
+use ltm::store::StoreReader;
+
+/// A box of 4 × 4 × 3 with an opening of 2 × 2 in the middle of its ceiling, of one material.
+const ROOF_LIGHT: &str = "mtllib box.mtl\nusemtl all\n\
+    v -2 0 -2\nv 2 0 -2\nv 2 0 2\nv -2 0 2\nv -2 3 -2\nv 2 3 -2\nv 2 3 2\nv -2 3 2\nv -1 3 -1\nv 1 3 -1\nv 1 3 1\nv -1 3 1\n\
+    f 4 3 2 1\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\n";
+
+/// A folder with the box, of a reflectance.
+fn folder(reflectance: f32) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("box.obj"), ROOF_LIGHT).unwrap();
+    let material = format!("newmtl all\nKd {reflectance} {reflectance} {reflectance}\n");
+    fs::write(folder.path().join("box.mtl"), material).unwrap();
+    folder
+}
+
+/// Renders a scene file of the box into a matrix there.
+fn rendered(folder: &Path, text: &str, samples: u32) -> PathBuf {
+    let scene = folder.join("scene.toml");
+    fs::write(&scene, format!("geometry = [\"box.obj\"]\n{text}")).unwrap();
+    let mut loaded = pipeline::load_scene(&scene, LoadOptions::default()).unwrap();
+    loaded.settings.samples_per_pixel = samples;
+    let path = folder.join("a.ltm");
+    let mut options = RenderOptions::default();
+    options.store.overwrite = true;
+    pipeline::render(loaded, &path, &options, &NoProgress).unwrap();
+    path
+}
+
+/// The columns of the first block of a matrix: the red values of its pixels.
+fn columns(path: &Path) -> Vec<Vec<f32>> {
+    let matrix = StoreReader::open(path).unwrap();
+    let columns = matrix.job().shape.columns() as u32;
+    let block = matrix.read_columns(BlockId(0), 0..columns).unwrap();
+    let pixels = block.rows() / 3;
+    (0..columns).map(|column| block.view().column(ColumnIndex(column))[..pixels].to_vec()).collect()
+}
+
+/// Sum of the columns of a range at a pixel.
+fn sum(columns: &[Vec<f32>], pixel: usize) -> f64 {
+    columns.iter().map(|column| f64::from(column[pixel])).sum()
+}
+
+/// Share of a horizontal plane's cosine-weighted hemisphere that a parallel rectangle `a × b` above its corner fills, at a height (Howell,
+/// *A catalog of radiation heat transfer configuration factors*, B-3).
+fn corner_factor(a: f64, b: f64, height: f64) -> f64 {
+    let (a, b) = (a / height, b / height);
+    let part = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
+    (part(a, b) + part(b, a)) / (2.0 * std::f64::consts::PI)
+}
+
+const GRID: &str =
+    "[[grid]]\nname = \"floor\"\norigin = [-2, 0.01, -0.5]\nedge_u = [4, 0, 0]\nedge_v = [0, 0, 1]\nspacing = 1\n";
+const PATCHES: &str = "[[light]]\nkind = \"environment\"\nname = \"sky\"\npatches = \"reinhart\"\nsubdivision = 2\n";
+
+/// Under a uniform sky of radiance 1 the sky component through an opening is π times the form factor of the opening (the sky component of
+/// CIE 171:2006, §5.9, under a uniform sky).
+#[test]
+fn the_sky_component_through_an_opening_is_the_analytic_one() {
+    let folder = folder(0.0);
+    let found = columns(&rendered(folder.path(), &format!("{GRID}{PATCHES}"), 1 << 14));
+    let height = 3.0 - 0.01;
+    for (pixel, x) in [-1.5f64, -0.5, 0.5, 1.5].into_iter().enumerate() {
+        // The opening reaches from −1 − x to 1 − x, and from −1 to 1.
+        let (left, right) = (-1.0 - x, 1.0 - x);
+        let half = |edge: f64| edge.signum() * corner_factor(edge.abs(), 1.0, height);
+        let wanted = std::f64::consts::PI * 2.0 * (half(right) - half(left));
+        let found = sum(&found, pixel);
+        assert!((found / wanted - 1.0).abs() < 0.01, "{x}: {found} for {wanted}");
+    }
+}
+
+/// A parallel sun gives the sine of its altitude where a straight line leads to it, and nothing elsewhere.
+#[test]
+fn the_sun_through_an_opening_is_the_analytic_one() {
+    let folder = folder(0.5);
+    let suns = "[[light]]\nkind = \"suns\"\npatches = \"reinhart\"\nsubdivision = 1\nangular_radius_degrees = 0\n";
+    let sky = PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true");
+    let path = rendered(folder.path(), &format!("{GRID}{sky}{suns}"), 16);
+    let found = columns(&path);
+    let matrix = StoreReader::open(&path).unwrap();
+    let light = matrix.job().basis.lights().last().unwrap();
+    assert_eq!((light.kind, light.places.len()), (LightKind::Suns { count: 145 }, 145));
+    let mut lit = 0;
+    for (column, [x, y, z]) in light.columns().zip(&light.places) {
+        for (pixel, at) in [-1.5f32, -0.5, 0.5, 1.5].into_iter().enumerate() {
+            let along = (3.0 - 0.01) / y;
+            let (meets, depth) = (at + x * along, z * along);
+            if (meets.abs() - 1.0).abs() < 1e-3 || (depth.abs() - 1.0).abs() < 1e-3 {
+                continue;
+            }
+            let wanted = if meets.abs() < 1.0 && depth.abs() < 1.0 { *y } else { 0.0 };
+            let found = found[column as usize][pixel];
+            assert!((found - wanted).abs() < 1e-5, "{at}, sun at {x} {y} {z}: {found} for {wanted}");
+            lit += usize::from(wanted > 0.0);
+        }
+    }
+    assert!(lit > 20, "only {lit} are lit");
+}
+
+/// The same paths fill both: what is split adds up to the whole, and the first row is what black surfaces leave.
+#[test]
+fn a_split_sky_adds_up_to_the_whole() {
+    let (grey, black) = (folder(0.5), folder(0.0));
+    let split = format!("{GRID}{}", PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true"));
+    let whole = format!("{GRID}{}", PATCHES.replace("subdivision = 2", "subdivision = 1"));
+    let (parts, all) = (columns(&rendered(grey.path(), &split, 256)), columns(&rendered(grey.path(), &whole, 256)));
+    let direct = columns(&rendered(black.path(), &split, 256));
+    assert_eq!((parts.len(), all.len()), (292, 146));
+    for patch in 0..146 {
+        for pixel in 0..4 {
+            let (sum, all) = (parts[patch][pixel] + parts[patch + 146][pixel], all[patch][pixel]);
+            assert!((sum - all).abs() <= 1e-5 * all.max(1.0), "patch {patch}: {sum} for {all}");
+            assert_eq!((parts[patch][pixel], 0.0), (direct[patch][pixel], direct[patch + 146][pixel]));
+        }
+    }
+    assert!(sum(&parts[146..], 1) > 0.1 * sum(&parts[..146], 1));
+}
+
+/// A pixel that shows irradiance shows what a sensor in its place does.
+#[test]
+fn a_picture_of_irradiance_shows_what_sensors_do() {
+    let folder = folder(0.3);
+    let camera = "[camera]\neye = [0.5, 2, 0]\nlook_at = [0.5, 0, 0]\nup = [0, 0, 1]\nvertical_fov_degrees = 0.1\nwidth = 1\n\
+        height = 1\nirradiance = true\n";
+    let sensor = GRID.replace("0.01", "0");
+    let of_sensor = columns(&rendered(folder.path(), &format!("{sensor}{PATCHES}"), 1 << 13));
+    let of_pixel = columns(&rendered(folder.path(), &format!("{camera}{PATCHES}"), 1 << 13));
+    let (sensor, pixel) = (sum(&of_sensor, 2), sum(&of_pixel, 0));
+    assert!((pixel / sensor - 1.0).abs() < 0.02, "{pixel} for {sensor}");
+}
+
+const WEA: &str = "place A_B\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsite_elevation 515\nweather_data_file_units 1\n\
+    3 21 6.5 20 30\n3 21 9.5 500 120\n3 21 12.5 0 180\n6 21 12.5 850 100\n6 21 19.5 50 40\n6 21 23.5 0 0\n";
+
+/// The illuminance of a pixel at a step by the product with that step's own weights, from the columns of the matrix.
+fn lux_of_step(matrix: &StoreReader, climate: &Climate, step: usize) -> Vec<f32> {
+    let basis = &matrix.job().basis;
+    let (sky, suns) = (&basis.lights()[0], basis.lights().get(1));
+    let count = sky.places.len() / if suns.is_some() { 2 } else { 1 };
+    let texels = SkyTexels::new(&sky.places[..count], &sky.extents[..count]);
+    let mut weights = vec![[0.0; 3]; basis.column_count()];
+    if let Some(now) = SkyModel::new(climate, SkyOptions::default()).at(&climate.steps[step], &texels) {
+        for row in 0..sky.places.len() / count {
+            (0..count).for_each(|texel| weights[row * count + texel] = [now.radiance[texel]; 3]);
+        }
+        // Of a split sky the sun's share is in the second row.
+        let row = sky.places.len() - count;
+        for (texel, radiance) in now.spread_sun(&texels) {
+            weights[row + texel].iter_mut().for_each(|weight| *weight += radiance);
+        }
+        if let Some(suns) = suns {
+            let cosine = |place: &[f32; 3]| glam::Vec3::from(*place).as_dvec3().dot(now.towards_sun);
+            let nearest =
+                (0..suns.places.len()).max_by(|a, b| cosine(&suns.places[*a]).total_cmp(&cosine(&suns.places[*b])));
+            weights[suns.first_column as usize + nearest.unwrap()] = [now.sun_irradiance as f32; 3];
+        }
+    }
+    let image = ltm::relight::relight_raw(matrix, &[Lighting::new(weights).unwrap()]).unwrap().remove(0);
+    image.pixels.iter().map(|[r, g, b]| 179.0 * (0.265 * r + 0.67 * g + 0.065 * b)).collect()
+}
+
+#[test]
+fn a_year_of_hours_is_the_product_with_the_sky_of_each_hour() {
+    let folder = folder(0.5);
+    let climate = Climate::parse("a.wea", WEA).unwrap();
+    let suns = "[[light]]\nkind = \"suns\"\nlatitude_degrees = 48.1\nstep_degrees = 4\n";
+    let split = PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true");
+    for lights in [PATCHES.to_owned(), format!("{split}{suns}")] {
+        let path = rendered(folder.path(), &format!("{GRID}{lights}"), 64);
+        let matrix = StoreReader::open(&path).unwrap();
+        let hours = folder.path().join("hours.npy");
+        let options = DaylightOptions {
+            schedule: Schedule::parse_hours("8-18").unwrap(),
+            overwrite: true,
+            ..DaylightOptions::default()
+        };
+        let source = DaylightSource::Stored(&matrix);
+        let year = pipeline::daylight(&source, "a.ltm", &climate, &options, Some(&hours), &NoProgress).unwrap();
+        let wanted: Vec<Vec<f32>> = (0..6).map(|step| lux_of_step(&matrix, &climate, step)).collect();
+        let bytes = fs::read(&hours).unwrap();
+        let values: Vec<f32> =
+            bytes[bytes.len() - 4 * 6 * 4..].as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        for pixel in 0..4 {
+            for step in 0..6 {
+                let (found, wanted) = (values[pixel * 6 + step], wanted[step][pixel]);
+                assert!((found - wanted).abs() <= 1e-4 * wanted.max(1.0), "{pixel}, {step}: {found} for {wanted}");
+            }
+            // Of the six steps three are in the time of use.
+            let mean = (wanted[1][pixel] + wanted[2][pixel] + wanted[3][pixel]) / 3.0;
+            let measures = year.measures[pixel].values;
+            assert!((measures[6] - mean).abs() <= 1e-3 * mean, "{} for {mean}", measures[6]);
+            assert_eq!(measures[7].is_nan(), lights == PATCHES);
+        }
+        // The container gives the same, hardly compressed.
+        let packed = folder.path().join("a.ltc");
+        let mut pack = PackOptions::default();
+        (pack.compress.target, pack.compress.rank) = (Target::PsnrDb(100.0), 256);
+        pack.container.overwrite = true;
+        pipeline::pack(&matrix, matrix.job(), &packed, &pack, &NoProgress).unwrap();
+        let container = ContainerReader::open(&packed).unwrap();
+        let source = DaylightSource::Container(&container);
+        let from_container = pipeline::daylight(&source, "a.ltc", &climate, &options, None, &NoProgress).unwrap();
+        for (a, b) in from_container.measures.iter().zip(&year.measures) {
+            assert!((a.values[6] / b.values[6] - 1.0).abs() < 1e-3, "{} for {}", a.values[6], b.values[6]);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_lit_by_a_climate_is_told_in_a_line() {
+    let folder = folder(0.5);
+    let climate = Climate::parse("a.wea", WEA).unwrap();
+    let problem = |lights: &str| {
+        let path = rendered(folder.path(), &format!("{GRID}{lights}"), 2);
+        let matrix = StoreReader::open(&path).unwrap();
+        let source = DaylightSource::Stored(&matrix);
+        let options = DaylightOptions::default();
+        pipeline::daylight(&source, "a.ltm", &climate, &options, None, &NoProgress).unwrap_err().to_string()
+    };
+    let suns = |key: &str| format!("[[light]]\nkind = \"suns\"\n{key}\n");
+    let lamp = "[[light]]\nkind = \"point\"\nposition = [0, 1, 0]\n";
+    assert!(problem(lamp).contains("has 0 environments"));
+    assert!(problem(&format!("{PATCHES}{}", suns("latitude_degrees = 48"))).contains("split = true"));
+    let split = PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true");
+    assert!(problem(&format!("{split}{}", suns("latitude_degrees = -60"))).contains("no place within 12°"));
+}
+
+#[test]
+fn bad_grids_skies_and_suns_of_scene_files_are_told_in_a_line() {
+    let folder = folder(0.5);
+    fs::write(folder.path().join("good.pts"), "0 0 1 0 0 1\n# none\n\n1 1 1 0 0 -2\n").unwrap();
+    fs::write(folder.path().join("bad.pts"), "0 0 1 0 0 1\n0 0 1 0\n").unwrap();
+    fs::write(folder.path().join("flat.pts"), "0 0 1 0 0 0\n").unwrap();
+    fs::write(folder.path().join("none.pts"), "\n").unwrap();
+    let scene = folder.path().join("scene.toml");
+    let load = |text: &str, grid: Option<&str>| {
+        fs::write(&scene, format!("geometry = [\"box.obj\"]\n{text}")).unwrap();
+        let options = LoadOptions { grid: grid.map(str::to_owned), ..LoadOptions::default() };
+        pipeline::load_scene(&scene, options)
+    };
+    let points = |file: &str| format!("[[grid]]\nname = \"a\"\npoints = \"{file}\"\n{PATCHES}");
+    let sensors = load(&points("good.pts"), Some("a")).unwrap().scene.sensors.unwrap();
+    // Radiance's z is up: the second looks down.
+    assert_eq!((sensors.size(), sensors.points()[1].position), ((2, 1), glam::Vec3::new(1.0, 1.0, -1.0)));
+    assert_eq!(sensors.points()[1].normal, glam::Vec3::NEG_Y);
+    let problem = |text: &str, grid: Option<&str>| load(text, grid).unwrap_err().to_string();
+    assert!(problem(&points("bad.pts"), None).contains("bad.pts, line 2: is no point"));
+    assert!(problem(&points("flat.pts"), None).contains("flat.pts, line 1: has a normal without length"));
+    assert!(problem(&points("none.pts"), None).contains("has no points"));
+    assert!(problem(&format!("{GRID}{PATCHES}"), Some("desk")).contains("has no grid 'desk'; it has 'floor'"));
+    assert!(problem(&format!("{GRID}{GRID}{PATCHES}"), None).contains("grid 2 has the name 'floor' of another"));
+    assert!(problem(&GRID.replace("spacing = 1", "spacing = 0"), None).contains("spacing 0"));
+    assert!(problem(&GRID.replace("spacing = 1\n", ""), None).contains("lacks a key"));
+    assert!(problem(&GRID.replace("edge_v = [0, 0, 1]", "edge_v = [1, 0, 0]"), None).contains("span no plane"));
+    assert!(problem(&format!("{GRID}faces = [1, 0, 0]"), None).contains("'faces' lies in the plane"));
+    let light = |text: &str| problem(&format!("{GRID}{PATCHES}{text}\n"), None);
+    assert!(light("texels = [8, 4]").contains("patches beside a mapping or texels"));
+    assert!(
+        problem(&format!("{GRID}[[light]]\nkind = \"environment\"\nsplit = true\n"), None)
+            .contains("only a sky of patches")
+    );
+    assert!(problem(&format!("{GRID}{}", PATCHES.replace("= 2", "= 17")), None).contains("subdivision 17"));
+    assert!(
+        problem(&format!("{GRID}{}", PATCHES.replace("reinhart", "tregenza")), None).contains("no subdivision of 2")
+    );
+    for keys in ["", "latitude_degrees = 40\npatches = \"reinhart\"", "patches = \"reinhart\"\nstep_degrees = 2"] {
+        assert!(
+            light(&format!("[[light]]\nkind = \"suns\"\n{keys}")).contains("says not where the sun stands"),
+            "{keys}"
+        );
+    }
+    assert!(light("[[light]]\nkind = \"suns\"\nlatitude_degrees = 95").contains("latitude_degrees 95"));
+}
