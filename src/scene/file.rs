@@ -17,9 +17,12 @@ use crate::error::{Error, Result};
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFile {
     pub(super) name: Option<String>,
+    /// An OBJ or glTF file that is a scene of its own, with its lights and cameras, instead of `geometry`.
+    pub(super) scene: Option<String>,
+    #[serde(default)]
     pub(super) geometry: Vec<String>,
     pub(super) metres_per_unit: Option<f32>,
-    pub(super) camera: CameraEntry,
+    pub(super) camera: Option<CameraEntry>,
     #[serde(default)]
     pub(super) render: RenderEntry,
     #[serde(default)]

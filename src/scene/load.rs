@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::assembly::Assembly;
 use super::camera_entry;
-use super::file::{self, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
+use super::file::{self, CameraEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
 use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::lights::LightBuilder;
@@ -36,6 +36,12 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     load_with(path, LoadOptions::default())
 }
 
+/// Texels of the sky over a scene without lights: enough to turn it and to put a sun into it.
+const EVEN_SKY_TEXELS: [u32; 2] = [16, 8];
+
+/// What is said of a file without one.
+const NO_CAMERA: &str = "has no camera: one from which all of it is seen is used";
+
 /// What a scene is allowed to lack, to read and to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
@@ -55,7 +61,7 @@ pub struct LoadOptions {
 /// # Errors
 /// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
-    let Unchecked { scene, settings, mut warnings, .. } = put_together(path, &options)?;
+    let Unchecked { scene, settings, cameras, mut warnings } = put_together(path, &options)?;
     warnings.extend(check_whole(path, &scene).map_err(|error| with_missing(error, &warnings))?);
     // Tracing and compressing hold whole blocks, one for each worker.
     let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
@@ -66,7 +72,7 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
             "a block of {side} × {side} pixels under {columns} columns takes {gib:.1} GiB; a smaller block_side takes less"
         ));
     }
-    Ok(LoadedScene::new(scene, settings, warnings))
+    Ok(LoadedScene { cameras, ..LoadedScene::new(scene, settings, warnings) })
 }
 
 /// The error with the line of what is missing, which may be why: the lamps of an OBJ file are in its material file.
@@ -94,7 +100,7 @@ pub(super) struct Unchecked {
     pub(super) scene: Scene,
     settings: RenderSettings,
     /// Cameras of a glTF file, by the names of their nodes.
-    pub(super) cameras: Vec<String>,
+    pub(super) cameras: Vec<(String, Camera)>,
     pub(super) warnings: Warnings,
 }
 
@@ -103,6 +109,9 @@ pub(super) fn put_together(path: &Path, options: &LoadOptions) -> Result<Uncheck
     let memory = MemoryBound::of(options.memory_bytes.unwrap_or(u64::MAX));
     if is_gltf(path) {
         return load_gltf(path, options, memory);
+    }
+    if is_obj(path) {
+        return load_obj(path, options, memory);
     }
     load_toml(path, options, memory)
 }
@@ -124,6 +133,8 @@ struct Read<'a> {
     warnings: Warnings,
     /// Whether each emissive object is a light of its own, before the entries.
     by_instance: bool,
+    /// Whether an even sky lights it where nothing else does.
+    has_sky: bool,
 }
 
 fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
@@ -135,10 +146,29 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     let text = read_input_text(path, "read the scene", MAX_TEXT_BYTES)?;
     // The text, its tree and the records made of it.
     memory.check((text.len() as u64).saturating_mul(64), path)?;
-    let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
+    let SceneFile { name, scene, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
         file::parse(path, &text)?;
     let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
+    if let Some(base) = scene {
+        if !(files.is_empty() && entries.is_empty() && overrides.is_empty() && metres_per_unit.is_none()) {
+            let problem = "names a scene, and has geometry, lights, materials or a unit as well";
+            return Err(Error::input(place, problem, "leave only [camera] and [render] beside 'scene'"));
+        }
+        let base = folders.find(&base, &place)?;
+        let base = match (is_gltf(&base), is_obj(&base)) {
+            (true, _) => load_gltf(&base, options, memory)?,
+            (_, true) => load_obj(&base, options, memory)?,
+            _ => {
+                let problem = format!("{} is neither an OBJ nor a glTF file", base.display());
+                return Err(Error::input(place, problem, "give scene = \"room.glb\", or geometry and lights of your own"));
+            }
+        };
+        return with_camera_of(&place, (name, camera), settings, base);
+    }
+    if files.is_empty() {
+        return Err(Error::input(place, "names no geometry", "give geometry = [\"room.obj\"], or scene = \"room.glb\""));
+    }
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
     if !(metres_per_unit >= 0.0 && metres_per_unit.is_finite()) {
         return Err(Error::input(place, "metres_per_unit is not a length", "give a number above 0, or leave it out"));
@@ -154,7 +184,13 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
         }
     }
     let origin = geometry.settle(&place, &mut warnings);
-    let camera = camera_entry::camera(&camera, origin, &place)?;
+    let camera = match camera {
+        Some(camera) => camera_entry::camera(&camera, origin, &place)?,
+        None => {
+            warnings.push(format!("{place}: has no [camera]: one from which all of it is seen is used"));
+            seeing_all(&geometry.mesh)?
+        }
+    };
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
     }
@@ -173,9 +209,65 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             memory,
             warnings,
             by_instance: false,
+            has_sky: false,
         },
         options,
     )
+}
+
+/// A scene that a scene file names, with the file's name, camera and settings in place of its own.
+fn with_camera_of(
+    place: &str,
+    (name, camera): (Option<String>, Option<CameraEntry>),
+    settings: RenderSettings,
+    mut base: Unchecked,
+) -> Result<Unchecked> {
+    base.settings = settings;
+    if let Some(name) = name {
+        base.scene.name = name;
+    }
+    if let Some(camera) = camera {
+        base.scene.camera = camera_entry::camera(&camera, base.scene.origin, place)?;
+        // Which camera of the other file would be used does not matter.
+        base.warnings.retain(|warning| !warning.text.contains(NO_CAMERA) && warning.hint != Hint::ChooseCamera);
+    }
+    Ok(base)
+}
+
+/// An OBJ file as a scene of its own: what its materials emit are its lights or, where none does, an even sky is; all of it is in view.
+fn load_obj(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
+    let place = path.display().to_string();
+    let folders = Folders::of(path, options.allow_outside);
+    let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
+    geometry.read(path, &folders, &mut memory, &mut warnings)?;
+    if geometry.mesh.triangles.is_empty() {
+        return Err(Error::input(place, "has no triangles", "give a file with faces"));
+    }
+    let origin = geometry.settle(&place, &mut warnings);
+    warnings.push(format!("{place}: {NO_CAMERA}"));
+    let camera = seeing_all(&geometry.mesh)?;
+    let read = Read {
+        place: &place,
+        folders: &folders,
+        name: stem(path),
+        geometry,
+        origin,
+        overrides: &[],
+        entries: &[],
+        camera,
+        settings: RenderSettings::default(),
+        metres_per_unit: 0.0,
+        memory,
+        warnings,
+        by_instance: true,
+        has_sky: true,
+    };
+    build(read, options)
+}
+
+/// Whether a file is an OBJ file, by its name.
+fn is_obj(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
 }
 
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
@@ -187,8 +279,9 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     if geometry.mesh.triangles.is_empty() {
         return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
     }
-    let cameras = extras.cameras.iter().map(|camera| camera.name.clone()).collect();
     let origin = geometry.settle(&place, &mut warnings);
+    let seen = |camera: &FileCamera| Some((camera.name.clone(), camera.camera(origin).ok()?));
+    let cameras = extras.cameras.iter().filter_map(seen).collect();
     let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, origin, &place, &mut warnings)?;
     let made = build(
         Read {
@@ -205,6 +298,7 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             memory,
             warnings,
             by_instance: true,
+            has_sky: false,
         },
         options,
     )?;
@@ -236,7 +330,7 @@ fn choose_camera(
         None => cameras.first(),
     };
     let Some(chosen) = chosen else {
-        warnings.push(format!("{place}: has no camera: one from which all of it is seen is used"));
+        warnings.push(format!("{place}: {NO_CAMERA}"));
         return seeing_all(&geometry.mesh);
     };
     if cameras.len() > 1 {
@@ -303,6 +397,11 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     }
     if !read.by_instance && entries.is_empty() && emissions.iter().any(Option::is_some) {
         lights.add(&LightEntry::default(), place)?;
+    }
+    if read.has_sky && lights.assembly.emitters.is_empty() {
+        lights.warnings.push(format!("{place}: no material emits light: an even sky lights it"));
+        let (kind, texels) = (LightEntryKind::Environment, Some(EVEN_SKY_TEXELS));
+        lights.add(&LightEntry { kind, texels, name: Some("sky".into()), ..LightEntry::default() }, place)?;
     }
     let weights = std::mem::take(&mut lights.weights);
     warnings.append(&mut lights.warnings);

@@ -1,6 +1,6 @@
 //! A scene that is ready to trace, with the settings that it asks for and its identity.
 
-use super::Scene;
+use super::{Camera, Scene};
 use super::content::content_hash;
 use crate::error::Warnings;
 use crate::light::Lighting;
@@ -14,6 +14,8 @@ pub struct LoadedScene {
     pub settings: RenderSettings,
     /// The light that the scene file gives: every light's emission, and an environment's map texel by texel.
     pub lighting: Lighting,
+    /// The cameras of a glTF file, by the names of their nodes; none of another file, whose only one the scene has.
+    pub cameras: Vec<(String, Camera)>,
     /// What was mended or looks wrong, one line each, for people.
     pub warnings: Warnings,
     /// [`content_hash`] of the scene with these settings.
@@ -49,7 +51,7 @@ impl LoadedScene {
     pub fn new(scene: Scene, settings: RenderSettings, warnings: Warnings) -> Self {
         let content = content_hash(&scene, settings.max_depth);
         let lighting = Lighting::of_scene(&scene.basis);
-        Self { scene, settings, lighting, warnings, content }
+        Self { scene, settings, lighting, cameras: Vec::new(), warnings, content }
     }
 
     /// The same scene in an image of so many pixels.
