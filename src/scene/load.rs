@@ -146,8 +146,16 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     let text = read_input_text(path, "read the scene", MAX_TEXT_BYTES)?;
     // The text, its tree and the records made of it.
     memory.check((text.len() as u64).saturating_mul(64), path)?;
-    let SceneFile { name, scene, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
-        file::parse(path, &text)?;
+    let SceneFile {
+        name,
+        scene,
+        geometry: files,
+        metres_per_unit,
+        camera,
+        render,
+        light: entries,
+        material: overrides,
+    } = file::parse(path, &text)?;
     let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
     if let Some(base) = scene {
@@ -161,13 +169,21 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             (_, true) => load_obj(&base, options, memory)?,
             _ => {
                 let problem = format!("{} is neither an OBJ nor a glTF file", base.display());
-                return Err(Error::input(place, problem, "give scene = \"room.glb\", or geometry and lights of your own"));
+                return Err(Error::input(
+                    place,
+                    problem,
+                    "give scene = \"room.glb\", or geometry and lights of your own",
+                ));
             }
         };
         return with_camera_of(&place, (name, camera), settings, base);
     }
     if files.is_empty() {
-        return Err(Error::input(place, "names no geometry", "give geometry = [\"room.obj\"], or scene = \"room.glb\""));
+        return Err(Error::input(
+            place,
+            "names no geometry",
+            "give geometry = [\"room.obj\"], or scene = \"room.glb\"",
+        ));
     }
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
     if !(metres_per_unit >= 0.0 && metres_per_unit.is_finite()) {

@@ -1,7 +1,7 @@
 //! A scene that is ready to trace, with the settings that it asks for and its identity.
 
-use super::{Camera, Scene};
 use super::content::content_hash;
+use super::{Camera, Scene};
 use crate::error::Warnings;
 use crate::light::Lighting;
 

@@ -5,6 +5,7 @@ mod preview;
 mod progressive;
 mod repair;
 mod unfinished;
+mod views;
 
 use std::ops::Range;
 use std::path::Path;
@@ -20,6 +21,7 @@ pub use self::repair::repair;
 #[cfg(test)]
 pub(crate) use self::unfinished::samples_path;
 pub(crate) use self::unfinished::{note_samples, samples_of_unfinished};
+pub use self::views::{SceneView, render_views};
 use crate::error::{Error, Result};
 use crate::files::folder_of;
 use crate::light::{Clusters, Job, Provenance};

@@ -40,7 +40,8 @@ pub fn save(scene: &Path, camera: &Camera, origin: DVec3) -> Result<Saved> {
         let is_name = |item: &toml_edit::Value| item.as_str() == Some(&name);
         item.as_value().is_some_and(is_name) || item.as_array().is_some_and(|list| list.iter().any(is_name))
     };
-    let is_of_scene = path == *scene || ["scene", "geometry"].iter().any(|key| document.get(key).is_some_and(names_scene));
+    let is_of_scene =
+        path == *scene || ["scene", "geometry"].iter().any(|key| document.get(key).is_some_and(names_scene));
     if !is_of_scene {
         let problem = format!("is a scene file of something else than {name}");
         return Err(Error::input(&place, problem, "move it away to save the view beside the scene"));

@@ -597,7 +597,8 @@ impl App {
             context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in dropped {
             let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
-            let Some(document) = self.document.as_ref().filter(|_| !["ltc", "glb", "gltf", "obj"].contains(&&*ending)) else {
+            let Some(document) = self.document.as_ref().filter(|_| !["ltc", "glb", "gltf", "obj"].contains(&&*ending))
+            else {
                 self.proceed(context, Next::Open(path));
                 continue;
             };

@@ -5,8 +5,8 @@ use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, v
 use super::comparison::difference_in_words;
 use super::document::Document;
 use super::message::Message;
-use super::outline_panel::{camera_moves, is_camera_drag};
 use super::meter_overlay::{draw_area, draw_labels};
+use super::outline_panel::{camera_moves, is_camera_drag};
 use super::seen_lights::{
     SUN_GRIP, SeenSun, draw_band, draw_suns, move_sun, seen_suns, select_in_picture, shows_directions,
 };

@@ -149,13 +149,17 @@ fn share(rendering: &Rendering) -> Option<(f32, String)> {
 fn state_in_words(rendering: &Rendering) -> (String, bool) {
     let Some(shown) = &rendering.shown else {
         let step = rendering.job.as_ref().map(|job| job.progress().step).filter(|step| !step.is_empty());
-        return (format!("Outline only: {}", step.unwrap_or_else(|| "the first picture is being rendered".into())), true);
+        return (
+            format!("Outline only: {}", step.unwrap_or_else(|| "the first picture is being rendered".into())),
+            true,
+        );
     };
     if rendering.outline_id().is_some() {
         return ("Outline of the new view".into(), true);
     }
     let ShownEstimate { stage, error, is_final, clock, .. } = shown;
-    let error = error.map_or_else(|| "error not known".to_owned(), |error| format!("stated error {:.1} %", 100.0 * error));
+    let error =
+        error.map_or_else(|| "error not known".to_owned(), |error| format!("stated error {:.1} %", 100.0 * error));
     if *is_final {
         return (format!("Finished: {stage}, {error}"), false);
     }

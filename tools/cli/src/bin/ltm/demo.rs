@@ -6,7 +6,7 @@ use clap::Args;
 use ltm::Result;
 use ltm::pipeline::demo::demo;
 
-use crate::input::{Overrides, parse_size};
+use crate::input::Overrides;
 use ltm_cli::console::Console;
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
