@@ -488,3 +488,80 @@ fn settings(entry: &RenderEntry, place: &str) -> Result<RenderSettings> {
         max_depth: within("max_depth", entry.max_depth, default.max_depth, 1024)?,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::light::LightKind;
+
+    /// A folder with an OBJ file of a wall and two lamps, whose material emits or not, and with a scene file.
+    fn folder(emission: &str, scene: &str) -> (tempfile::TempDir, PathBuf, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let [obj, toml] = ["room.obj", "room.toml"].map(|name| folder.path().join(name));
+        let text = "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+                    o wall\nusemtl grey\nf 1 2 3 4\no left\nusemtl lamp\nf 1 2 3\no right\nusemtl lamp\nf 1 3 4\n";
+        std::fs::write(&obj, text).unwrap();
+        std::fs::write(
+            folder.path().join("room.mtl"),
+            format!("newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\n{emission}\n"),
+        )
+        .unwrap();
+        std::fs::write(&toml, scene).unwrap();
+        (folder, obj, toml)
+    }
+
+    fn names(loaded: &LoadedScene) -> Vec<&str> {
+        loaded.scene.basis.lights().iter().map(|light| light.name.as_str()).collect()
+    }
+
+    /// The middle of the box of the wall and the lamps is in view of a camera that nobody has stated.
+    fn sees_all(loaded: &LoadedScene) {
+        let camera = &loaded.scene.camera;
+        for corner in [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+            let at = camera.position_of(corner.into()).unwrap();
+            assert!(at.cmpge(glam::Vec2::ZERO).all() && at.x <= camera.width as f32 && at.y <= camera.height as f32);
+        }
+    }
+
+    #[test]
+    fn an_obj_file_is_a_scene_with_a_light_for_each_object_that_emits_or_with_a_sky() {
+        let (_lit, obj, _) = folder("Kd 0 0 0\nKe 3 3 3", "");
+        let loaded = load(&obj).unwrap();
+        assert_eq!(names(&loaded), ["left", "right"]);
+        sees_all(&loaded);
+        let (_dark, obj, _) = folder("Kd 0.1 0.1 0.1", "");
+        let loaded = load(&obj).unwrap();
+        assert_eq!(names(&loaded), ["sky"]);
+        assert!(loaded.scene.basis.lights()[0].kind != LightKind::Lamp);
+        assert!(loaded.warnings.iter().any(|warning| warning.text.contains("an even sky lights it")));
+    }
+
+    #[test]
+    fn a_scene_file_names_a_scene_and_gives_it_a_camera() {
+        let text = "scene = \"room.obj\"\n[camera]\neye = [0.5, 0.5, 4]\nlook_at = [0.5, 0.5, 0]\nwidth = 96\nheight = 64\n\
+                    [render]\nsamples_per_pixel = 7\n";
+        let (_folder, obj, toml) = folder("Kd 0 0 0\nKe 3 3 3", text);
+        let loaded = load(&toml).unwrap();
+        assert_eq!((names(&loaded), loaded.settings.samples_per_pixel), (names(&load(&obj).unwrap()), 7));
+        assert_eq!((loaded.scene.camera.width, loaded.scene.camera.eye), (96, glam::Vec3::new(0.5, 0.5, 4.0)));
+        assert!(!loaded.warnings.iter().any(|warning| warning.text.contains("camera")), "{:?}", loaded.warnings);
+        let refused = |text: &str| {
+            std::fs::write(&toml, text).unwrap();
+            load(&toml).unwrap_err().to_string()
+        };
+        assert!(refused("scene = \"room.obj\"\ngeometry = [\"room.obj\"]\n").contains("leave only [camera]"));
+        assert!(refused("scene = \"room.mtl\"\n").contains("neither an OBJ nor a glTF file"));
+        assert!(refused("name = \"nothing\"\n").contains("names no geometry"));
+    }
+
+    #[test]
+    fn a_scene_file_without_a_camera_gets_one_that_sees_all() {
+        let text = "geometry = [\"room.obj\"]\n[[light]]\nkind = \"point\"\nposition = [0.5, 0.5, 2]\n";
+        let (_folder, _, toml) = folder("Kd 0 0 0", text);
+        let loaded = load(&toml).unwrap();
+        sees_all(&loaded);
+        assert!(loaded.warnings.iter().any(|warning| warning.text.contains("has no [camera]")));
+    }
+}

@@ -32,6 +32,7 @@ mod noise;
 mod oidn;
 mod packing;
 mod picture;
+mod progressive;
 mod python;
 mod rank;
 mod raw_image;
@@ -91,6 +92,8 @@ pub enum Study {
     Imports,
     /// The worked example of the guide.
     Example,
+    /// Seconds from a scene to estimates that can be mixed.
+    Progressive,
     /// Seconds from a scene to relit images.
     Speed,
     /// Time and memory against sizes.
@@ -123,7 +126,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -141,6 +144,7 @@ impl Study {
         Self::Imports,
         Self::Example,
         Self::Shared,
+        Self::Progressive,
         Self::Speed,
         Self::Scaling,
     ];
@@ -162,6 +166,7 @@ impl Study {
             Self::Equal => "equal",
             Self::Imports => "imports",
             Self::Example => "example",
+            Self::Progressive => "progressive",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
             Self::Shared => "shared",
@@ -193,6 +198,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> R
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
             Study::Example => example::run(&bench)?,
+            Study::Progressive => progressive::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
             Study::Shared => shared::run(&bench)?,
