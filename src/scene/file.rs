@@ -287,7 +287,7 @@ mod tests {
         assert!(unknown.contains("line 5") && unknown.contains("did you mean 'texels'"), "{unknown}");
         let unknown = message("geometry = []\n[camera]\neye = [0, 0, 0]\n[[light]]\nkind = \"lamp\"\n");
         assert!(unknown.contains("line 5") && unknown.contains("environment"), "{unknown}");
-        assert!(message("geometry = []\n").contains("'camera' is missing"));
+        assert!(message("geometry = []\n[camera]\nlook_at = [0, 0, 0]\n").contains("'eye' is missing"));
         assert!(message("geometry = 3\n").contains("line 1"));
         assert!(message("geometry = [").contains("line 1"));
     }

@@ -1,5 +1,7 @@
 //! The whole window: where the panels stand, files dropped on it, messages.
 
+mod scenes;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
@@ -16,11 +18,9 @@ use super::keys::{help, pressed};
 use super::layout::{Tab, show_document};
 use super::message::Message;
 use super::native_dialog::{NativeDialog, Outcome};
-use super::outline_panel::outline_panel;
 use super::question::{Next, Question, Reply};
-use super::render_bar::{RenderChoice, render_bar};
 use super::rendering::Rendering;
-use super::theme::{self, ALARM, LINE, PANEL, SURROUND, TEXT, WEAK};
+use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
 use super::{exports, file_reading, report, worker_events, worker_requests};
 use crate::WindowOptions;
@@ -42,6 +42,8 @@ pub struct App {
     rendering: Option<Rendering>,
     /// How scenes are rendered, and the memory for that.
     choices: LiveChoices,
+    /// Work on that scene that an earlier window left behind, until there is a picture that it can be gone on with.
+    left: Option<LeftBehind>,
     memory_bytes: Option<u64>,
     message: Option<String>,
     recent: Recent,
@@ -105,6 +107,7 @@ impl App {
             document: None,
             rendering: None,
             choices: options.live,
+            left: None,
             memory_bytes,
             message: None,
             recent,
@@ -162,19 +165,6 @@ impl App {
                 self.tell(Err(error));
             }
         }
-    }
-
-    /// Renders a scene.
-    fn render(&mut self, context: &egui::Context, path: &Path) {
-        if let Some(mut old) = self.document.take() {
-            old.autosave.forget();
-        }
-        self.message = None;
-        // One job after the other: both may write the same container.
-        self.rendering = None;
-        self.rendering = Some(Rendering::start(context, path, self.choices.clone(), self.memory_bytes));
-        let left = self.opening.state_folder.as_ref().and_then(|folder| LeftBehind::find(folder, path));
-        self.question = left.map(Question::LeftBehind).filter(|_| self.screenshot.is_none());
     }
 
     /// Opens the container anew and goes on with the work on it.
@@ -415,41 +405,6 @@ impl App {
             drop_hint(&context);
         }
         self.take_screenshot(&context);
-    }
-
-    /// Takes the newest estimate of a scene that is rendered, and shows how far it is.
-    fn show_rendering(&mut self, ui: &mut Ui) -> Option<RenderChoice> {
-        let rendering = self.rendering.as_mut()?;
-        rendering.receive(ui.ctx(), &mut self.document, &self.opening);
-        let bar = egui::Frame::new().fill(PANEL).inner_margin(egui::Margin::symmetric(10, 4)).stroke((1.0, LINE));
-        let document = self.document.as_mut();
-        egui::Panel::bottom("render").frame(bar).show(ui, |ui| render_bar(ui, rendering, document)).inner
-    }
-
-    /// Does what was asked for in its bar, and moves its camera.
-    fn act_on_rendering(&mut self, context: &egui::Context, choice: Option<RenderChoice>) {
-        let Some(rendering) = &mut self.rendering else { return };
-        let moves = self.document.as_mut().map(|document| std::mem::take(&mut document.view.moves));
-        rendering.take_moves(context, moves.unwrap_or_default());
-        match choice {
-            Some(RenderChoice::GoOn) => rendering.restart(context, self.memory_bytes),
-            Some(RenderChoice::SaveCopy) => {
-                if let Some(document) = &mut self.document {
-                    document.files.wanted = Some(Purpose::SaveContainer);
-                }
-            }
-            None => {}
-        }
-    }
-
-    /// The screen before the first estimate: what the scene shows without its lights.
-    fn outline(&mut self, ui: &mut Ui) {
-        let Some(rendering) = &mut self.rendering else { return };
-        egui::CentralPanel::default().frame(egui::Frame::new().fill(SURROUND)).show(ui, |ui| {
-            let outline = rendering.outline_id().zip(rendering.view.as_ref().map(|view| view.camera));
-            let moves = outline_panel(ui, outline);
-            rendering.take_moves(ui.ctx(), moves);
-        });
     }
 
     fn act(&mut self, context: &egui::Context, action: Action) {

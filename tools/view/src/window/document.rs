@@ -105,6 +105,7 @@ impl Document {
 
     /// Goes on with the work on `old`, the same container as it was before.
     pub(super) fn go_on(&mut self, old: Self) {
+        let same_size = old.size() == self.size();
         let (from, to) = (old.session.container.clone(), self.session.container.clone());
         let (from, to) = (&from.job().basis, &to.job().basis);
         let scene = self.work.scene.clone();
@@ -115,7 +116,6 @@ impl Document {
         if from.lights().len() == to.lights().len() {
             self.list.go_on(old.list, to.lights().len());
         }
-        let same_size = old.size() == self.size();
         self.view.go_on(old.view, same_size.then_some(1.0));
         self.files.go_on(old.files);
         self.editor = old.editor;

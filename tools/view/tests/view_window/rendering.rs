@@ -94,7 +94,9 @@ fn a_scene_is_mixed_while_it_renders() {
     offline.settle();
     offline.key(Key::N, Modifiers::NONE);
     offline.settle();
-    assert!(offline.picture() == mixed, "the lamp that was switched off in the early picture is off in the last");
+    let apart = offline.picture().iter().zip(&mixed).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    // One is relit whole, the other by the change of a light, which rounds.
+    assert!(apart <= 1, "the lamp that was switched off in the early picture is off in the last: {apart}");
     driver.key(Key::Z, Modifiers::CTRL.plus(Modifiers::COMMAND));
     driver.settle();
     assert!(driver.picture() != mixed, "what was done to an early picture can be undone");
@@ -144,21 +146,26 @@ fn a_moved_camera_starts_from_the_coarse_picture() {
     let words = |container: &ContainerReader| container.job().provenance.settings.clone();
     assert!(words(&own) != words(&other), "the scene's own view is as it was");
     // It can be saved beside the scene, and taken back.
-    driver.click(driver.find("Camera").center());
-    driver.click(driver.find("Save the view").center());
+    choose(&mut driver, "Save the view");
     driver.wait_until("the file", |driver| driver.says("Saved the view in"));
     let saved = ltm::scene::load(&folder.path().join("room.toml")).unwrap();
     let camera = ltm::scene::Camera::of_words(&words(&other), (192, 128)).unwrap();
     // The file has the digits of f32.
     assert!((saved.scene.camera.eye - camera.eye).length() < 1e-4);
     assert!((saved.scene.camera.forward - camera.forward).length() < 1e-5);
-    driver.click(driver.find("Camera").center());
-    driver.click(driver.find("Undo the move").center());
+    choose(&mut driver, "Undo the move");
     driver.wait_until("the old view", |driver| driver.says("Finished"));
     driver.settle();
     driver.click(driver.find("left lamp, on").center());
     driver.settle();
     assert_eq!(driver.picture().len(), before.len());
+}
+
+/// Chooses an item of the menu of views.
+fn choose(driver: &mut Driver, item: &str) {
+    driver.click(driver.find("Camera").center());
+    driver.wait_until("the menu", |driver| driver.has(item));
+    driver.click(driver.find(item).center());
 }
 
 fn closing_in_the_middle_asks_what_to_keep() {
