@@ -328,7 +328,11 @@ impl Renderer {
                     Err(error) => failed(outbox, &error),
                 },
                 (None, None) => {
-                    shared.progress().stage = self.render.next_stage();
+                    let next = self.render.next_stage();
+                    if let Some((stage, _)) = next {
+                        shared.begin(&format!("rendering {stage}"), 0, "");
+                    }
+                    shared.progress().stage = next;
                     match in_background(|| self.render.next_estimate(shared)) {
                         Ok(Some(estimate)) => {
                             outbox.send(LiveEvent::Estimate(*self.render.camera(), Box::new(estimate)));

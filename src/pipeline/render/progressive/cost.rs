@@ -1,6 +1,6 @@
 //! What stages will take, from what earlier ones took.
 
-use super::RenderStage;
+use super::stage::RenderStage;
 
 /// Seconds of a sample and of a pixel, by the largest stage so far.
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::document::{Document, Opening};
 use super::message::{Message, line};
 use super::requests::Requests;
-use super::shown_picture::set_texture;
+use super::shown_picture::set_filtered_texture;
 use super::{worker_events, worker_requests};
 use crate::camera_moves::{CameraMove, MovingCamera};
 use crate::display::Display;
@@ -25,7 +25,6 @@ const MOST_UNDO: usize = 200;
 #[derive(Clone)]
 pub(super) struct ShownEstimate {
     pub(super) camera: Camera,
-    pub(super) path: PathBuf,
     pub(super) stage: RenderStage,
     pub(super) error: Option<f64>,
     pub(super) is_final: bool,
@@ -34,9 +33,8 @@ pub(super) struct ShownEstimate {
 
 impl ShownEstimate {
     fn of(camera: Camera, estimate: &Estimate) -> Self {
-        let Estimate { path, stage, error, is_final, .. } = estimate;
-        let (path, clock) = (path.clone(), LiveClock::of(estimate));
-        Self { camera, path, stage: *stage, error: *error, is_final: *is_final, clock }
+        let Estimate { stage, error, is_final, .. } = estimate;
+        Self { camera, stage: *stage, error: *error, is_final: *is_final, clock: LiveClock::of(estimate) }
     }
 }
 
@@ -128,7 +126,8 @@ impl Rendering {
                 }
                 LiveEvent::Outline { camera, image, distance } => {
                     let mut texture = self.outline.take().map(|(_, texture)| texture);
-                    set_texture(context, &mut texture, "outline", &Display::default().show(&image));
+                    let shown = Display::default().show(&image);
+                    set_filtered_texture(context, &mut texture, "outline", &shown, egui::TextureFilter::Linear);
                     self.outline = texture.map(|texture| (camera, texture));
                     let is_moving = self.is_moving;
                     if let (Some(view), Some(distance), false) = (&mut self.view, distance, is_moving)
@@ -140,8 +139,9 @@ impl Rendering {
                 LiveEvent::Estimate(camera, estimate) if self.is_newest(&camera) => {
                     let opening = Opening { work_of: Some(self.scene.clone()), ..opening.clone() };
                     match Document::open(context, &estimate.path, opening) {
-                        Ok(next) => {
+                        Ok(mut next) => {
                             self.failed = None;
+                            next.shown.is_smooth = !estimate.is_final;
                             self.next = Some((Box::new(next), ShownEstimate::of(camera, &estimate)));
                         }
                         Err(error) => self.failed = Some(line(&error)),

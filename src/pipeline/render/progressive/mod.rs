@@ -6,6 +6,7 @@
 //! triangles is built once. The last estimate is [`render_packed`](super::render_packed), to the byte.
 
 mod cost;
+mod stage;
 mod stages;
 
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use std::time::Instant;
 use sha2::{Digest, Sha256};
 
 use self::cost::CostModel;
-pub use self::stages::RenderStage;
+pub use self::stage::RenderStage;
 use self::stages::Stages;
 use super::fused::{Fused, FusedRender};
 use super::{RenderReport, job_of_scene, scene_need, trace_settings, while_photons_are_sent};
@@ -24,9 +25,10 @@ use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::files::{check_output, folder_of};
 use crate::light::{Job, StatedErrors};
+use crate::matrix::MatrixShape;
 use crate::pipeline::{PackOptions, PackReport, need_of, plan_of};
 use crate::resources::Progress;
-use crate::scene::{Camera, LoadedScene, RenderSettings, content_hash};
+use crate::scene::{Camera, LoadedScene, Projection, RenderSettings, content_hash};
 use crate::trace::Tracer;
 
 /// The part of the finished render's time that all earlier estimates together may take.
@@ -125,7 +127,7 @@ impl ProgressiveRender {
         }
         let stages = Stages::new((camera.width, camera.height), settings.samples_per_pixel);
         let (mut first, mut first_settings) = (camera, trace_settings(&settings));
-        if !is_found && let Some(stage) = stages.first() {
+        if let Some(stage) = stages.first() {
             first = reduced(camera, stage);
             first_settings.samples_per_pixel = stage.samples_per_pixel;
         }
@@ -304,7 +306,7 @@ impl ProgressiveRender {
         watch: &dyn Progress,
     ) -> Result<Fused> {
         let columns = u32::try_from(self.tracer.scene().basis.column_count()).unwrap_or(u32::MAX);
-        let shape = crate::matrix::MatrixShape::new(camera.width, camera.height, columns, settings.block_side)?;
+        let shape = MatrixShape::new(camera.width, camera.height, columns, settings.block_side)?;
         let traced = trace_settings(&settings);
         let photons = Tracer::photons_sent(self.tracer.scene(), shape, traced);
         let folder = Some(folder_of(path));
@@ -340,7 +342,7 @@ impl ProgressiveRender {
     fn early_content(&self, stage: RenderStage) -> [u8; 32] {
         let mut hash = Sha256::new();
         hash.update(self.loaded.1);
-        hash.update(format!("early estimate of {:?}, {stage}", self.camera));
+        hash.update(format!("early estimate, {stage}, of {}", self.camera.in_words(self.tracer.scene().origin)));
         hash.finalize().into()
     }
 }
@@ -361,7 +363,7 @@ fn reduced(camera: Camera, stage: RenderStage) -> Camera {
     let shape = |camera: &Camera| camera.width as f32 / camera.height as f32;
     let is_uneven =
         u64::from(stage.width) * u64::from(camera.height) != u64::from(stage.height) * u64::from(camera.width);
-    if is_uneven && camera.projection != crate::scene::Projection::Panorama {
+    if is_uneven && camera.projection != Projection::Panorama {
         coarse.pixel_aspect *= shape(&camera) / shape(&coarse);
     }
     coarse
