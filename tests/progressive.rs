@@ -98,6 +98,8 @@ fn stopped_at_any_moment_it_goes_on_and_ends_with_the_same_bytes() {
             Ok(()) => assert!(path.exists()),
         }
         let found = early_path(&path).exists();
+        let leftovers = names(folder.path());
+        assert!(leftovers.iter().all(|name| !name.ends_with(".lock")), "{leftovers:?}");
         let mut render = ProgressiveRender::begin(loaded(), &path, options(), &NoProgress).unwrap();
         let first = render.next_estimate(&NoProgress).unwrap().unwrap();
         if found {
@@ -123,6 +125,23 @@ fn stopped_at_any_moment_it_goes_on_and_ends_with_the_same_bytes() {
         }
     }
     assert!(stops > 1 && fs::read(&path).unwrap() == fs::read(&offline).unwrap());
+}
+
+/// Two programs that render into one container would take each other's files: the second is told.
+#[test]
+fn one_process_renders_to_a_container_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("live.ltc");
+    let begin = || ProgressiveRender::begin(room("diffuse", (64, 48), 8, 0), &path, options(), &NoProgress);
+    let first = begin().unwrap();
+    let refused = begin().unwrap_err().to_string();
+    assert!(refused.contains("another process is writing it"), "{refused}");
+    drop(first);
+    let mut second = begin().unwrap();
+    while second.next_estimate(&NoProgress).unwrap().is_some() {}
+    // What is finished may be opened by any number.
+    let _both = [begin().unwrap(), begin().unwrap()];
+    assert_eq!(names(folder.path()), ["live.ltc"]);
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod cost;
 mod stage;
 mod stages;
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -23,7 +24,7 @@ use crate::block_records::files_of_pack;
 use crate::compress::{CompressSettings, Target};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::files::{check_output, folder_of};
+use crate::files::{check_output, folder_of, open_locked, with_suffix};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::MatrixShape;
 use crate::pipeline::{PackOptions, PackReport, need_of, plan_of};
@@ -84,6 +85,8 @@ pub struct ProgressiveRender {
     loaded: (Camera, [u8; 32]),
     camera: Camera,
     path: PathBuf,
+    /// Keeps other processes from rendering to the path; `None` where nothing is to be rendered.
+    lock: Option<OutputLock>,
     options: PackOptions,
     stages: Stages,
     costs: CostModel,
@@ -108,13 +111,14 @@ impl ProgressiveRender {
     ///
     /// # Errors
     /// A container at `path` that is of another scene or of other settings and may not be overwritten; a global scope; those of the
-    /// tracer; memory or disk that do not suffice; [`Error::Interrupted`].
+    /// tracer; memory or disk that do not suffice; another process that renders to `path`; [`Error::Interrupted`].
     pub fn begin(loaded: LoadedScene, path: &Path, options: PackOptions, watch: &dyn Progress) -> Result<Self> {
         let begun = Instant::now();
         let LoadedScene { scene, settings, content, .. } = loaded;
         let camera = scene.camera;
         let job = job_of_scene(&scene, &settings, content)?;
         let is_found = is_finished(&job, path, &options)?;
+        let lock = if is_found { None } else { Some(OutputLock::of(path)?) };
         if !is_found {
             let need = scene_need(&scene, trace_settings(&settings), &job);
             let of_source = options.for_source(settings.samples_per_pixel > 1);
@@ -144,6 +148,7 @@ impl ProgressiveRender {
             loaded: (camera, content),
             camera,
             path: path.to_owned(),
+            lock,
             options,
             stages,
             costs: CostModel::default(),
@@ -160,7 +165,7 @@ impl ProgressiveRender {
     /// stays where it is. `overwrite`: whether a container at `path`, or what an interrupted run has left there, is replaced.
     ///
     /// # Errors
-    /// A container at `path` that is of another view and may not be overwritten.
+    /// A container at `path` that is of another view and may not be overwritten; another process renders to `path`.
     pub fn set_view(&mut self, camera: Camera, path: &Path, overwrite: bool) -> Result<()> {
         self.options.container.overwrite = overwrite;
         self.is_found = !overwrite && path.exists() && {
@@ -170,6 +175,9 @@ impl ProgressiveRender {
                 if camera == self.loaded.0 { self.loaded.1 } else { content_hash(&scene, self.settings.max_depth) };
             is_finished(&job_of_scene(&scene, &self.settings, content)?, path, &self.options)?
         };
+        if !self.is_found && (path != self.path || self.lock.is_none()) {
+            self.lock = Some(OutputLock::of(path)?);
+        }
         (self.camera, self.path) = (camera, path.to_owned());
         self.stages = Stages::new((camera.width, camera.height), self.settings.samples_per_pixel);
         (self.begun, self.spent, self.is_done) = (Instant::now(), 0.0, false);
@@ -223,6 +231,9 @@ impl ProgressiveRender {
         self.spent += begun.elapsed().as_secs_f64();
         self.stages.done(stage);
         self.is_done = is_final;
+        if is_final {
+            self.lock = None;
+        }
         Ok(Some(estimate))
     }
 
@@ -381,6 +392,28 @@ fn remove(path: &Path) -> Result<()> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, "remove")(error)),
         _ => Ok(()),
+    }
+}
+
+/// A file beside an output that is locked, and there, as long as this lives. One that a killed process has left is taken over.
+#[derive(Debug)]
+struct OutputLock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl OutputLock {
+    /// Errors: another process holds it, or the folder cannot be written.
+    fn of(output: &Path) -> Result<Self> {
+        let path = with_suffix(&early_path(output), ".lock");
+        Ok(Self { _file: open_locked(&path, true)?, path })
+    }
+}
+
+impl Drop for OutputLock {
+    fn drop(&mut self) {
+        // Where it stays, the next process takes it over.
+        let _ = std::fs::remove_file(&self.path);
     }
 }
 

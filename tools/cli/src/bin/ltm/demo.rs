@@ -8,6 +8,7 @@ use ltm::pipeline::demo::demo;
 
 use crate::input::Overrides;
 use ltm_cli::console::Console;
+use ltm_cli::words::parse_size;
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
 const DEMO_SAMPLES: u32 = 256;

@@ -22,7 +22,7 @@ use ltm_cli::{names, say};
 
 #[derive(Args)]
 pub(crate) struct Render {
-    /// The scene file, or a glTF file (.glb, .gltf) with its own camera and lights.
+    /// The scene file, or a glTF file (.glb, .gltf) with its own camera and lights, or an OBJ file.
     scene: PathBuf,
     /// The file to write [default: the scene file's name with .ltm, or .ltc with --pack, in this folder].
     #[arg(short, long)]
