@@ -52,7 +52,8 @@ pub use relight::{
 pub(crate) use render::samples_path;
 #[cfg(feature = "scene")]
 pub use render::{
-    PreviewReport, RenderOptions, RenderReport, job_of, load_scene, preview, render, render_packed, repair,
+    Estimate, PreviewReport, ProgressiveRender, RenderOptions, RenderReport, RenderStage, SceneView, early_path,
+    job_of, load_scene, preview, render, render_packed, render_views, repair,
 };
 #[cfg(feature = "scene")]
 pub(crate) use render::{note_samples, samples_of_unfinished, settings_of, tracer_of, tracing_need};

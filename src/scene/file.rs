@@ -17,6 +17,9 @@ use crate::error::{Error, Result};
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFile {
     pub(super) name: Option<String>,
+    /// An OBJ or glTF file that is a scene of its own, with its lights and cameras, instead of `geometry`.
+    pub(super) scene: Option<String>,
+    #[serde(default)]
     pub(super) geometry: Vec<String>,
     pub(super) metres_per_unit: Option<f32>,
     pub(super) camera: Option<CameraEntry>,
@@ -348,7 +351,7 @@ mod tests {
         assert!(unknown.contains("line 5") && unknown.contains("did you mean 'texels'"), "{unknown}");
         let unknown = message("geometry = []\n[camera]\neye = [0, 0, 0]\n[[light]]\nkind = \"lamp\"\n");
         assert!(unknown.contains("line 5") && unknown.contains("environment"), "{unknown}");
-        assert!(message("geometry = []\n").contains("'camera' is missing"));
+        assert!(message("geometry = []\n[camera]\nlook_at = [0, 0, 0]\n").contains("'eye' is missing"));
         assert!(message("geometry = 3\n").contains("line 1"));
         assert!(message("geometry = [").contains("line 1"));
     }

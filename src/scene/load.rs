@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::assembly::Assembly;
 use super::camera_entry;
-use super::file::{self, GridEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
+use super::file::{self, CameraEntry, GridEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
 use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::lights::LightBuilder;
@@ -49,6 +49,12 @@ pub fn grid_names(path: &Path) -> Result<(Vec<String>, bool)> {
     Ok((file.grid.into_iter().map(|grid| grid.name).collect(), file.camera.is_some()))
 }
 
+/// Texels of the sky over a scene without lights: enough to turn it and to put a sun into it.
+const EVEN_SKY_TEXELS: [u32; 2] = [16, 8];
+
+/// What is said of a file without one.
+const NO_CAMERA: &str = "has no camera: one from which all of it is seen is used";
+
 /// What a scene is allowed to lack, to read and to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
@@ -70,7 +76,7 @@ pub struct LoadOptions {
 /// # Errors
 /// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
-    let Unchecked { scene, settings, mut warnings, .. } = put_together(path, &options)?;
+    let Unchecked { scene, settings, cameras, mut warnings } = put_together(path, &options)?;
     warnings.extend(check_whole(path, &scene).map_err(|error| with_missing(error, &warnings))?);
     // Tracing and compressing hold whole blocks, one for each worker.
     let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
@@ -81,7 +87,7 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
             "a block of {side} × {side} pixels under {columns} columns takes {gib:.1} GiB; a smaller block_side takes less"
         ));
     }
-    Ok(LoadedScene::new(scene, settings, warnings))
+    Ok(LoadedScene { cameras, ..LoadedScene::new(scene, settings, warnings) })
 }
 
 /// The error with the line of what is missing, which may be why: the lamps of an OBJ file are in its material file.
@@ -109,7 +115,7 @@ pub(super) struct Unchecked {
     pub(super) scene: Scene,
     settings: RenderSettings,
     /// Cameras of a glTF file, by the names of their nodes.
-    pub(super) cameras: Vec<String>,
+    pub(super) cameras: Vec<(String, Camera)>,
     pub(super) warnings: Warnings,
 }
 
@@ -118,6 +124,9 @@ pub(super) fn put_together(path: &Path, options: &LoadOptions) -> Result<Uncheck
     let memory = MemoryBound::of(options.memory_bytes.unwrap_or(u64::MAX));
     if is_gltf(path) {
         return load_gltf(path, options, memory);
+    }
+    if is_obj(path) {
+        return load_obj(path, options, memory);
     }
     load_toml(path, options, memory)
 }
@@ -141,6 +150,8 @@ struct Read<'a> {
     warnings: Warnings,
     /// Whether each emissive object is a light of its own, before the entries.
     by_instance: bool,
+    /// Whether an even sky lights it where nothing else does.
+    has_sky: bool,
 }
 
 fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
@@ -154,6 +165,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     memory.check((text.len() as u64).saturating_mul(64), path)?;
     let SceneFile {
         name,
+        scene,
         geometry: files,
         metres_per_unit,
         camera,
@@ -164,6 +176,38 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     } = file::parse(path, &text)?;
     let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
+    if let Some(base) = scene {
+        if !(files.is_empty()
+            && entries.is_empty()
+            && grids.is_empty()
+            && overrides.is_empty()
+            && metres_per_unit.is_none())
+        {
+            let problem = "names a scene, and has geometry, lights, grids, materials or a unit as well";
+            return Err(Error::input(place, problem, "leave only [camera] and [render] beside 'scene'"));
+        }
+        let base = folders.find(&base, &place)?;
+        let base = match (is_gltf(&base), is_obj(&base)) {
+            (true, _) => load_gltf(&base, options, memory)?,
+            (_, true) => load_obj(&base, options, memory)?,
+            _ => {
+                let problem = format!("{} is neither an OBJ nor a glTF file", base.display());
+                return Err(Error::input(
+                    place,
+                    problem,
+                    "give scene = \"room.glb\", or geometry and lights of your own",
+                ));
+            }
+        };
+        return with_camera_of(&place, (name, camera), settings, base);
+    }
+    if files.is_empty() {
+        return Err(Error::input(
+            place,
+            "names no geometry",
+            "give geometry = [\"room.obj\"], or scene = \"room.glb\"",
+        ));
+    }
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
     if !(metres_per_unit >= 0.0 && metres_per_unit.is_finite()) {
         return Err(Error::input(place, "metres_per_unit is not a length", "give a number above 0, or leave it out"));
@@ -186,7 +230,10 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             (Camera::of_sensors(sensors.size()), Some(Arc::new(sensors)))
         }
         (None, Some(camera)) => (camera_entry::camera(&camera, origin, &place)?, None),
-        (None, None) => unreachable!("a file without either is refused as it is parsed"),
+        (None, None) => {
+            warnings.push(format!("{place}: has no [camera]: one from which all of it is seen is used"));
+            (seeing_all(&geometry.mesh)?, None)
+        }
     };
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
@@ -208,9 +255,65 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             memory,
             warnings,
             by_instance: false,
+            has_sky: false,
         },
         options,
     )
+}
+
+/// A scene that a scene file names, with the file's name, camera and settings in place of its own.
+fn with_camera_of(
+    place: &str,
+    (name, camera): (Option<String>, Option<CameraEntry>),
+    settings: RenderSettings,
+    mut base: Unchecked,
+) -> Result<Unchecked> {
+    base.settings = settings;
+    if let Some(name) = name {
+        base.scene.name = name;
+    }
+    if let Some(camera) = camera {
+        base.scene.camera = camera_entry::camera(&camera, base.scene.origin, place)?;
+        // Which camera of the other file would be used does not matter.
+        base.warnings.retain(|warning| !warning.text.contains(NO_CAMERA) && warning.hint != Hint::ChooseCamera);
+    }
+    Ok(base)
+}
+
+/// An OBJ file as a scene of its own: what its materials emit are its lights or, where none does, an even sky is; all of it is in view.
+fn load_obj(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
+    let place = path.display().to_string();
+    let folders = Folders::of(path, options.allow_outside);
+    let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
+    geometry.read(path, &folders, &mut memory, &mut warnings)?;
+    if geometry.mesh.triangles.is_empty() {
+        return Err(Error::input(place, "has no triangles", "give a file with faces"));
+    }
+    let origin = geometry.settle(&place, &mut warnings);
+    warnings.push(format!("{place}: {NO_CAMERA}"));
+    let camera = seeing_all(&geometry.mesh)?;
+    let read = Read {
+        place: &place,
+        folders: &folders,
+        name: stem(path),
+        geometry,
+        origin,
+        overrides: &[],
+        entries: &[],
+        camera,
+        settings: RenderSettings::default(),
+        metres_per_unit: 0.0,
+        memory,
+        warnings,
+        by_instance: true,
+        has_sky: true,
+    };
+    build(read, options)
+}
+
+/// Whether a file is an OBJ file, by its name.
+fn is_obj(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
 }
 
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
@@ -226,8 +329,9 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     if geometry.mesh.triangles.is_empty() {
         return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
     }
-    let cameras = extras.cameras.iter().map(|camera| camera.name.clone()).collect();
     let origin = geometry.settle(&place, &mut warnings);
+    let seen = |camera: &FileCamera| Some((camera.name.clone(), camera.camera(origin).ok()?));
+    let cameras = extras.cameras.iter().filter_map(seen).collect();
     let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, origin, &place, &mut warnings)?;
     let made = build(
         Read {
@@ -246,6 +350,7 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             memory,
             warnings,
             by_instance: true,
+            has_sky: false,
         },
         options,
     )?;
@@ -277,7 +382,7 @@ fn choose_camera(
         None => cameras.first(),
     };
     let Some(chosen) = chosen else {
-        warnings.push(format!("{place}: has no camera: one from which all of it is seen is used"));
+        warnings.push(format!("{place}: {NO_CAMERA}"));
         return seeing_all(&geometry.mesh);
     };
     if cameras.len() > 1 {
@@ -306,7 +411,7 @@ fn choose_grid<'a>(
         return Err(Error::input(place, problem, "rename one of them"));
     }
     let found = match name {
-        None if !needs_one => return Ok(None),
+        None if !needs_one || grids.is_empty() => return Ok(None),
         None => grids.first(),
         Some(wanted) => grids.iter().find(|grid| grid.name == wanted),
     };
@@ -375,6 +480,11 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     }
     if !read.by_instance && entries.is_empty() && emissions.iter().any(Option::is_some) {
         lights.add(&LightEntry::default(), place)?;
+    }
+    if read.has_sky && lights.assembly.emitters.is_empty() {
+        lights.warnings.push(format!("{place}: no material emits light: an even sky lights it"));
+        let (kind, texels) = (LightEntryKind::Environment, Some(EVEN_SKY_TEXELS));
+        lights.add(&LightEntry { kind, texels, name: Some("sky".into()), ..LightEntry::default() }, place)?;
     }
     let weights = std::mem::take(&mut lights.weights);
     warnings.append(&mut lights.warnings);
@@ -456,4 +566,81 @@ fn settings(entry: &RenderEntry, place: &str) -> Result<RenderSettings> {
         block_side: within("block_side", entry.block_side, default.block_side, MatrixShape::MAX_BLOCK_SIDE)?,
         max_depth: within("max_depth", entry.max_depth, default.max_depth, 1024)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::light::LightKind;
+
+    /// A folder with an OBJ file of a wall and two lamps, whose material emits or not, and with a scene file.
+    fn folder(emission: &str, scene: &str) -> (tempfile::TempDir, PathBuf, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let [obj, toml] = ["room.obj", "room.toml"].map(|name| folder.path().join(name));
+        let text = "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n\
+                    o wall\nusemtl grey\nf 1 2 3 4\no left\nusemtl lamp\nf 1 2 3\no right\nusemtl lamp\nf 1 3 4\n";
+        std::fs::write(&obj, text).unwrap();
+        std::fs::write(
+            folder.path().join("room.mtl"),
+            format!("newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\n{emission}\n"),
+        )
+        .unwrap();
+        std::fs::write(&toml, scene).unwrap();
+        (folder, obj, toml)
+    }
+
+    fn names(loaded: &LoadedScene) -> Vec<&str> {
+        loaded.scene.basis.lights().iter().map(|light| light.name.as_str()).collect()
+    }
+
+    /// The middle of the box of the wall and the lamps is in view of a camera that nobody has stated.
+    fn sees_all(loaded: &LoadedScene) {
+        let camera = &loaded.scene.camera;
+        for corner in [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+            let at = camera.position_of(corner.into()).unwrap();
+            assert!(at.cmpge(glam::Vec2::ZERO).all() && at.x <= camera.width as f32 && at.y <= camera.height as f32);
+        }
+    }
+
+    #[test]
+    fn an_obj_file_is_a_scene_with_a_light_for_each_object_that_emits_or_with_a_sky() {
+        let (_lit, obj, _) = folder("Kd 0 0 0\nKe 3 3 3", "");
+        let loaded = load(&obj).unwrap();
+        assert_eq!(names(&loaded), ["left", "right"]);
+        sees_all(&loaded);
+        let (_dark, obj, _) = folder("Kd 0.1 0.1 0.1", "");
+        let loaded = load(&obj).unwrap();
+        assert_eq!(names(&loaded), ["sky"]);
+        assert!(loaded.scene.basis.lights()[0].kind != LightKind::Lamp);
+        assert!(loaded.warnings.iter().any(|warning| warning.text.contains("an even sky lights it")));
+    }
+
+    #[test]
+    fn a_scene_file_names_a_scene_and_gives_it_a_camera() {
+        let text = "scene = \"room.obj\"\n[camera]\neye = [0.5, 0.5, 4]\nlook_at = [0.5, 0.5, 0]\nwidth = 96\nheight = 64\n\
+                    [render]\nsamples_per_pixel = 7\n";
+        let (_folder, obj, toml) = folder("Kd 0 0 0\nKe 3 3 3", text);
+        let loaded = load(&toml).unwrap();
+        assert_eq!((names(&loaded), loaded.settings.samples_per_pixel), (names(&load(&obj).unwrap()), 7));
+        assert_eq!((loaded.scene.camera.width, loaded.scene.camera.eye), (96, glam::Vec3::new(0.5, 0.5, 4.0)));
+        assert!(!loaded.warnings.iter().any(|warning| warning.text.contains("camera")), "{:?}", loaded.warnings);
+        let refused = |text: &str| {
+            std::fs::write(&toml, text).unwrap();
+            load(&toml).unwrap_err().to_string()
+        };
+        assert!(refused("scene = \"room.obj\"\ngeometry = [\"room.obj\"]\n").contains("leave only [camera]"));
+        assert!(refused("scene = \"room.mtl\"\n").contains("neither an OBJ nor a glTF file"));
+        assert!(refused("name = \"nothing\"\n").contains("names no geometry"));
+    }
+
+    #[test]
+    fn a_scene_file_without_a_camera_gets_one_that_sees_all() {
+        let text = "geometry = [\"room.obj\"]\n[[light]]\nkind = \"point\"\nposition = [0.5, 0.5, 2]\n";
+        let (_folder, _, toml) = folder("Kd 0 0 0", text);
+        let loaded = load(&toml).unwrap();
+        sees_all(&loaded);
+        assert!(loaded.warnings.iter().any(|warning| warning.text.contains("has no [camera]")));
+    }
 }

@@ -1,7 +1,7 @@
 //! A scene that is ready to trace, with the settings that it asks for and its identity.
 
-use super::Scene;
 use super::content::content_hash;
+use super::{Camera, Scene};
 use crate::error::Warnings;
 use crate::light::Lighting;
 
@@ -14,6 +14,8 @@ pub struct LoadedScene {
     pub settings: RenderSettings,
     /// The light that the scene file gives: every light's emission, and an environment's map texel by texel.
     pub lighting: Lighting,
+    /// The cameras of a glTF file, by the names of their nodes; none of another file, whose only one the scene has.
+    pub cameras: Vec<(String, Camera)>,
     /// What was mended or looks wrong, one line each, for people.
     pub warnings: Warnings,
     /// [`content_hash`] of the scene with these settings.
@@ -49,12 +51,12 @@ impl LoadedScene {
     pub fn new(scene: Scene, settings: RenderSettings, warnings: Warnings) -> Self {
         let content = content_hash(&scene, settings.max_depth);
         let lighting = Lighting::of_scene(&scene.basis);
-        Self { scene, settings, lighting, warnings, content }
+        Self { scene, settings, lighting, cameras: Vec::new(), warnings, content }
     }
 
     /// Whether what pixels show beside light is traced with them: one sample of a pixel has no halves, and sensors see no surface.
     pub fn has_planes(&self) -> bool {
-        self.settings.samples_per_pixel > 1 && self.scene.sensors.is_none()
+        self.scene.has_planes(self.settings.samples_per_pixel)
     }
 
     /// The same scene with pixels that show the irradiance of what they see, and not its radiance.

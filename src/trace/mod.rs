@@ -18,6 +18,7 @@ mod further_rays;
 mod guiding;
 mod integrator;
 mod lights;
+mod outline;
 mod photon_targets;
 mod photons;
 mod pixel_filter;

@@ -19,7 +19,7 @@ use super::world::World;
 use crate::error::{Error, Result};
 use crate::light::{Clusters, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
-use crate::scene::{RenderSettings, Scene};
+use crate::scene::{Camera, RenderSettings, Scene};
 
 /// Samples of a pixel that the paths for the scales of columns count as: each then asks for a part of the places of the sun.
 const SCALE_SAMPLES: u32 = 256;
@@ -41,12 +41,15 @@ pub struct BlockStats {
 #[derive(Debug)]
 pub struct Tracer {
     world: World,
-    /// `None` if no lamp has a surface close by.
+    /// `None` if no lamp has a surface close by, or if paths are not to be guided.
     guide: Option<PathGuide>,
+    wants_guide: bool,
     /// `None` if they are disabled, or if no mirror and no glass reflects light to a surface.
     photons: Option<Photons>,
     photon_cost: PhotonCost,
     wants_photons: bool,
+    /// Pixels and settings that the photons were sent for; `None` if sending them was interrupted.
+    photons_for: Option<(u64, TraceSettings)>,
     shape: MatrixShape,
     settings: TraceSettings,
     /// Probe lightings for the noise, columns × probes, probe fastest.
@@ -84,17 +87,9 @@ impl Tracer {
         sending: Sending<'_>,
     ) -> Result<Self> {
         let scene: Arc<Scene> = scene.into();
-        let refuse = |what: &str, problem: String, hint: &str| Err(Error::input(what, problem, hint));
-        let columns = scene.basis.column_count();
-        if shape.columns() != columns {
-            return refuse(&scene.name, format!("has {columns} columns, the matrix {}", shape.columns()), "");
-        }
-        if (shape.width(), shape.height()) != (scene.camera.width, scene.camera.height) {
-            let camera = format!("the camera has {}×{} pixels", scene.camera.width, scene.camera.height);
-            return refuse(&scene.name, format!("{camera}, the matrix {}×{}", shape.width(), shape.height()), "");
-        }
+        check_shape(&scene, &scene.camera, shape)?;
         check(settings)?;
-        let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
+        let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), shape.columns());
         let clusters = Clusters::of_basis(&scene.basis);
         let world = World::new(scene)?;
         let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings, sending, MAP_BYTES)?;
@@ -102,9 +97,11 @@ impl Tracer {
         Ok(Self {
             world,
             guide,
+            wants_guide: true,
             photons,
             photon_cost,
             wants_photons: true,
+            photons_for: Some((pixels(shape), settings)),
             shape,
             settings,
             probes_of_column,
@@ -136,11 +133,16 @@ impl Tracer {
     /// ([`crate::light::LightBasis::column_scales`]), which it estimates from a few paths.
     #[must_use]
     pub fn with_column_scales(mut self) -> Self {
+        self.measure_scales();
+        self
+    }
+
+    /// As [`with_column_scales`](Self::with_column_scales), in place.
+    pub(crate) fn measure_scales(&mut self) {
         let (guide, max_depth) = (self.guide.as_ref(), self.settings.max_depth);
         let paths = Paths { world: &self.world, photons: None, guide, max_depth, samples: SCALE_SAMPLES };
         self.column_scales = scales::measure(&paths);
         self.column_factors = self.column_scales.iter().map(|scale| scale.recip()).collect();
-        self
     }
 
     /// Divisors of noise and cluster light for each column; empty if all are 1.
@@ -159,7 +161,7 @@ impl Tracer {
     /// with more noise where lamps stand in shades.
     #[must_use]
     pub fn without_guiding(self) -> Self {
-        Self { guide: None, ..self }
+        Self { guide: None, wants_guide: false, ..self }
     }
 
     /// Whether paths are guided to surfaces close to lamps.
@@ -194,7 +196,41 @@ impl Tracer {
             (self.photons, self.photon_cost) =
                 Photons::new(&self.world, pixels(self.shape), settings, Sending::default(), MAP_BYTES)?;
         }
+        self.photons_for = Some((pixels(self.shape), settings));
         Ok(self)
+    }
+
+    /// Goes on to another view of the same scene, or to another size or number of samples of it. The BVH and the lights stay, and so do
+    /// the photons where the number of pixels and the settings are the same. A block is then the same bytes as that of a tracer made anew.
+    /// The column scales are to be estimated again.
+    ///
+    /// # Errors
+    /// A shape that does not match the camera and the basis, settings out of range, no room for photons; [`Error::Interrupted`] if the
+    /// callback says so, after which it is to be called again.
+    pub fn set_view(
+        &mut self,
+        camera: Camera,
+        shape: MatrixShape,
+        settings: TraceSettings,
+        sending: Sending<'_>,
+    ) -> Result<()> {
+        check_shape(&self.world.scene, &camera, shape)?;
+        check(settings)?;
+        let scene = Arc::make_mut(&mut self.world.scene);
+        let is_moved = scene.camera != camera;
+        scene.camera = camera;
+        (self.shape, self.settings) = (shape, settings);
+        (self.column_scales, self.column_factors) = (Vec::new(), Vec::new());
+        if is_moved && self.wants_guide {
+            self.guide = PathGuide::of(&self.world);
+        }
+        let wanted = Some((pixels(shape), settings));
+        if self.wants_photons && self.photons_for != wanted {
+            (self.photons, self.photons_for) = (None, None);
+            (self.photons, self.photon_cost) = Photons::new(&self.world, pixels(shape), settings, sending, MAP_BYTES)?;
+            self.photons_for = wanted;
+        }
+        Ok(())
     }
 
     /// The scene.
@@ -207,6 +243,10 @@ impl Tracer {
         self.settings
     }
 
+    pub(super) fn world(&self) -> &World {
+        &self.world
+    }
+
     /// The BVH over the scene's triangles.
     pub fn bvh(&self) -> &Bvh {
         self.world.bvh()
@@ -215,6 +255,17 @@ impl Tracer {
     /// Traces one block into `target` on the current thread; its allocations are reused. Panics if there is no such
     /// block.
     pub fn trace_block(&self, id: BlockId, target: &mut TracedBlock) -> BlockStats {
+        self.trace_block_unless(id, target, || false).expect("nothing stops it")
+    }
+
+    /// As [`trace_block`](Self::trace_block), unless `stop` says so, which is asked every few pixels: `None` then, and the target holds
+    /// no block.
+    pub fn trace_block_unless(
+        &self,
+        id: BlockId,
+        target: &mut TracedBlock,
+        stop: impl Fn() -> bool,
+    ) -> Option<BlockStats> {
         let rect = self.shape.rect(id);
         let (pixels, columns) = (rect.pixels(), self.shape.columns());
         if (target.block.rows(), target.block.columns()) != (rect.rows(), columns) {
@@ -237,6 +288,11 @@ impl Tracer {
         let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
         for first in (0..pixels).step_by(RUN) {
             let run = Run { first, count: RUN.min(pixels - first), pixels };
+            if stop() {
+                // Of another shape, so that no part of it is taken for the next block's.
+                *target = TracedBlock::default();
+                return None;
+            }
             for pixel in 0..run.count {
                 let inside = (first + pixel) as u32;
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
@@ -257,7 +313,7 @@ impl Tracer {
             planes::finish(planes, &self.clusters, &self.column_factors);
         }
         target.planes = planes;
-        stats
+        Some(stats)
     }
 
     /// Renders the image under a lighting (one weight for each column) without a matrix. Pixels are row by row, in
@@ -329,6 +385,20 @@ impl pulp::NullaryFnOnce for Pixel<'_, '_> {
 
 fn pixels(shape: MatrixShape) -> u64 {
     u64::from(shape.width()) * u64::from(shape.height())
+}
+
+/// Whether a matrix of this shape is one of the scene from this camera.
+fn check_shape(scene: &Scene, camera: &Camera, shape: MatrixShape) -> Result<()> {
+    let refuse = |problem: String| Err(Error::input(&scene.name, problem, ""));
+    let columns = scene.basis.column_count();
+    if shape.columns() != columns {
+        return refuse(format!("has {columns} columns, the matrix {}", shape.columns()));
+    }
+    if (shape.width(), shape.height()) != (camera.width, camera.height) {
+        let size = format!("the camera has {}×{} pixels", camera.width, camera.height);
+        return refuse(format!("{size}, the matrix {}×{}", shape.width(), shape.height()));
+    }
+    Ok(())
 }
 
 fn check(settings: TraceSettings) -> Result<()> {

@@ -42,7 +42,10 @@ fn bad_scene_files() {
     refused(&room("[render]\nsamples_per_pixel = -1\n"), &["scene.toml, line 6"]);
     refused(&room("[render]\nblock_side = 1000\n"), &["block_side = 1000", "256"]);
     refused(&room("").with("scene.toml", [0xff, 0xfe, 0x00]), &["scene.toml"]);
-    refused(&room("").with("scene.toml", "geometry = [\"room.obj\"]\n"), &["'camera' is missing"]);
+    refused(
+        &room("").with("scene.toml", "geometry = [\"room.obj\"]\n[camera]\nlook_at = [0, 0, 0]\n"),
+        &["'eye' is missing"],
+    );
     let negative = ROOM_TOML.replace("[camera]", "metres_per_unit = -1\n[camera]");
     refused(&room("").with("scene.toml", negative), &["metres_per_unit"]);
 }

@@ -245,6 +245,12 @@ impl Packing {
         self.compress(FirstPass::Analyse(compressor), stage, watch, absent)
     }
 
+    /// Number of threads that it was admitted with.
+    #[cfg(feature = "scene")]
+    pub(crate) fn threads(&self) -> usize {
+        self.threads.count()
+    }
+
     /// Sets scales of columns that were measured after the start, see
     /// [`LightBasis::column_scales`](crate::light::LightBasis::column_scales).
     ///

@@ -2,8 +2,10 @@
 
 mod fused;
 mod preview;
+mod progressive;
 mod repair;
 mod unfinished;
+mod views;
 
 use std::ops::Range;
 use std::path::Path;
@@ -14,16 +16,18 @@ use rayon::prelude::*;
 
 pub use self::fused::render_packed;
 pub use self::preview::{PreviewReport, preview};
+pub use self::progressive::{Estimate, ProgressiveRender, RenderStage, early_path};
 pub use self::repair::repair;
 #[cfg(test)]
 pub(crate) use self::unfinished::samples_path;
 pub(crate) use self::unfinished::{note_samples, samples_of_unfinished};
+pub use self::views::{SceneView, render_views};
 use crate::error::{Error, Result};
 use crate::files::folder_of;
 use crate::light::{Clusters, Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::resources::{Held, PROGRAM_BYTES, PeakMemory, PerThread, Progress, ResourceEstimate, Threads, budget_bytes};
-use crate::scene::{self, LoadOptions, LoadedScene};
+use crate::scene::{self, LoadOptions, LoadedScene, RenderSettings, Scene};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer, TracerMemory};
 
@@ -62,12 +66,16 @@ pub struct RenderReport {
 /// # Errors
 /// A shape that a matrix cannot have.
 pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
-    let (scene, settings) = (&loaded.scene, &loaded.settings);
+    job_of_scene(&loaded.scene, &loaded.settings, loaded.content)
+}
+
+/// As [`job_of`], of the parts of a loaded scene.
+fn job_of_scene(scene: &Scene, settings: &RenderSettings, content: [u8; 32]) -> Result<Job> {
     let columns = u32::try_from(scene.basis.column_count()).unwrap_or(u32::MAX);
     let shape = MatrixShape::new(scene.camera.width, scene.camera.height, columns, settings.block_side)?;
     let provenance = Provenance {
         source: scene.name.clone(),
-        content: loaded.content,
+        content,
         program: format!("ltm tracer {TRACER_VERSION}"),
         samples_per_pixel: settings.samples_per_pixel,
         seed: settings.seed,
@@ -151,6 +159,21 @@ pub(crate) fn tracer_of(
 ) -> Result<Tracer> {
     let settings = settings_of(&loaded);
     let photons = Tracer::photons_sent(&loaded.scene, job.shape, settings);
+    let tracer = while_photons_are_sent(photons, folder, watch, |sending| {
+        Tracer::sending(loaded.scene, job.shape, settings, sending)
+    })?;
+    let tracer = tracer.with_column_scales();
+    job.basis.set_column_scales(tracer.column_scales().to_vec())?;
+    Ok(tracer)
+}
+
+/// Runs what sends so many photons, with its progress where they are many.
+fn while_photons_are_sent<T>(
+    photons: u64,
+    folder: Option<&Path>,
+    watch: &dyn Progress,
+    work: impl FnOnce(Sending<'_>) -> Result<T>,
+) -> Result<T> {
     let says = photons >= MANY_PHOTONS;
     if says {
         watch.begin("sending photons", photons, "photons");
@@ -161,13 +184,11 @@ pub(crate) fn tracer_of(
         }
         !watch.interrupted()
     };
-    let tracer = Tracer::sending(loaded.scene, job.shape, settings, Sending { folder, goes_on: &goes_on });
+    let done = work(Sending { folder, goes_on: &goes_on });
     if says {
         watch.end();
     }
-    let tracer = tracer?.with_column_scales();
-    job.basis.set_column_scales(tracer.column_scales().to_vec())?;
-    Ok(tracer)
+    done
 }
 
 /// Traces blocks in parallel. One more thread commits them, so that no core waits for the disk. At most one block more
@@ -230,16 +251,21 @@ pub fn load_scene(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
 
 /// The trace settings of a loaded scene.
 pub(crate) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
-    TraceSettings {
-        samples_per_pixel: loaded.settings.samples_per_pixel,
-        seed: loaded.settings.seed,
-        max_depth: loaded.settings.max_depth,
-    }
+    trace_settings(&loaded.settings)
+}
+
+fn trace_settings(settings: &RenderSettings) -> TraceSettings {
+    let RenderSettings { samples_per_pixel, seed, max_depth, .. } = *settings;
+    TraceSettings { samples_per_pixel, seed, max_depth }
 }
 
 /// Resources of tracing, wherever the blocks go: the scene and its photons, and a block for each thread.
 pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> ResourceEstimate {
+    scene_need(&loaded.scene, settings_of(loaded), job)
+}
+
+fn scene_need(scene: &Scene, settings: TraceSettings, job: &Job) -> ResourceEstimate {
     let clusters = Clusters::of_basis(&job.basis).count();
-    let tracer = TracerMemory { scene: &loaded.scene, shape: job.shape, clusters, settings: settings_of(loaded) };
+    let tracer = TracerMemory { scene, shape: job.shape, clusters, settings };
     ResourceEstimate::of(&[&tracer, &PerThread(job.shape.max_block_bytes())])
 }

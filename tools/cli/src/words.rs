@@ -55,3 +55,13 @@ pub fn in_flags(hint: &Hint) -> String {
     };
     words.to_owned()
 }
+
+/// Reads a size such as `1024x768`.
+///
+/// # Errors
+/// As text: not a size.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let (width, height) = text.split_once('x').ok_or("write WIDTHxHEIGHT, for example 1024x768")?;
+    let side = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a size ({e})"));
+    Ok((side(width)?, side(height)?))
+}

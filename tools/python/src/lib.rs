@@ -7,6 +7,7 @@
 mod errors;
 mod gpu;
 mod light;
+mod live;
 mod make;
 mod matrix;
 mod slice;
@@ -23,6 +24,8 @@ mod _ltm {
     use super::errors::{DamagedError, NoGpuError};
     #[pymodule_export]
     use super::gpu::gpu;
+    #[pymodule_export]
+    use super::live::LiveRender;
     #[pymodule_export]
     use super::make::{merge, pack_array, pack_store, render, verify, write_array, write_basis};
     #[pymodule_export]

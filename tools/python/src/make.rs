@@ -35,7 +35,7 @@ pub(crate) struct PackChoices {
 }
 
 impl PackChoices {
-    fn options(&self) -> Result<PackOptions> {
+    pub(crate) fn options(&self) -> Result<PackOptions> {
         let mut options = PackOptions {
             denoise: self.denoise && !self.keep_noise,
             basis: self.basis.clone(),
@@ -215,6 +215,21 @@ pub(crate) struct RenderChoices {
     memory_bytes: Option<u64>,
 }
 
+/// A scene with what was chosen in place of its own settings.
+pub(crate) fn load_with_choices(scene: SceneChoice, choices: RenderChoices, watch: &dyn Progress) -> Result<LoadedScene> {
+    let RenderChoices { samples, size, seed, block_side, camera, allow_missing, allow_outside, memory_bytes, .. } = choices;
+    let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera, grid: None })?;
+    loaded.warnings.iter().for_each(|warning| watch.warn(warning));
+    if let Some((width, height)) = size {
+        loaded = loaded.sized(width, height);
+    }
+    let settings = &mut loaded.settings;
+    settings.samples_per_pixel = samples.unwrap_or(settings.samples_per_pixel);
+    settings.seed = seed.unwrap_or(settings.seed);
+    settings.block_side = block_side.unwrap_or(settings.block_side);
+    Ok(loaded)
+}
+
 /// Renders a scene into a stored matrix or, with `pack`, into a container.
 #[pyfunction]
 pub(crate) fn render<'py>(
@@ -226,18 +241,9 @@ pub(crate) fn render<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let pack = pack.map(|choices| choices.options()).transpose().map_err(|error| exception(&error))?;
-    let RenderChoices { samples, size, seed, block_side, camera, allow_missing, allow_outside, .. } = choices;
     let RenderChoices { overwrite, memory_bytes, .. } = choices;
     let (render, packed) = run(py, progress.as_ref(), |watch| {
-        let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera, grid: None })?;
-        loaded.warnings.iter().for_each(|warning| watch.warn(warning));
-        if let Some((width, height)) = size {
-            loaded = loaded.sized(width, height);
-        }
-        let settings = &mut loaded.settings;
-        settings.samples_per_pixel = samples.unwrap_or(settings.samples_per_pixel);
-        settings.seed = seed.unwrap_or(settings.seed);
-        settings.block_side = block_side.unwrap_or(settings.block_side);
+        let loaded = load_with_choices(scene, choices, watch)?;
         match pack {
             Some(options) => {
                 let (render, packed) = pipeline::render_packed(loaded, &path, &options, watch)?;

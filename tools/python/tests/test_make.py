@@ -238,6 +238,36 @@ def test_a_scene_is_rendered_and_packed(tmp_path):
     assert ltm.info(tmp_path / "b.ltm")["shape"][:2] == (8, 20)
 
 
+def test_a_live_render_gives_all_lights_at_once_and_ends_with_the_container_of_render(tmp_path):
+    room = ltm.BuiltIn("mixed", width=192, height=96, texels=2)
+    ltm.render(room, tmp_path / "offline.ltc", samples=24, pack=True)
+    estimates, lights = [], []
+    for estimate in ltm.render_live(room, tmp_path / "live.ltc", samples=24):
+        with estimate.open() as m:
+            lights.append([light.name for light in m.lights])
+            image = m.relight(m.scene_weights)
+        assert image.shape == (*estimate.size, 3) and image.max() > 0
+        assert estimate.error is not None and 0 < estimate.seconds <= estimate.expected_seconds
+        estimates.append(estimate)
+    assert [estimate.is_final for estimate in estimates] == [False] * (len(estimates) - 1) + [True]
+    assert len(estimates) > 1 and all(names == lights[0] for names in lights)
+    assert (tmp_path / "live.ltc").read_bytes() == (tmp_path / "offline.ltc").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["live.ltc", "offline.ltc"]
+    again = list(ltm.render_live(room, tmp_path / "live.ltc", samples=24))
+    assert len(again) == 1 and again[0].is_final and again[0].path == tmp_path / "live.ltc"
+    with pytest.raises((ValueError, FileExistsError)):
+        next(ltm.render_live(room, tmp_path / "live.ltc", samples=8))
+
+
+def test_a_live_render_that_is_left_is_gone_on_with(tmp_path):
+    room = ltm.BuiltIn("diffuse", width=192, height=96, texels=2)
+    for estimate in ltm.render_live(room, tmp_path / "a.ltc", samples=24):
+        assert not estimate.is_final
+        break
+    first = next(iter(ltm.render_live(room, tmp_path / "a.ltc", samples=24)))
+    assert (first.size, first.is_final, first.path.name) == (estimate.size, False, "a.early.ltc")
+
+
 def test_scenes_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(ValueError, match="nowhere"):
         ltm.render(ltm.BuiltIn("nowhere"), tmp_path / "a.ltm")

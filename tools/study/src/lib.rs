@@ -33,6 +33,7 @@ mod noise;
 mod oidn;
 mod packing;
 mod picture;
+mod progressive;
 mod python;
 mod rank;
 mod raw_image;
@@ -95,6 +96,8 @@ pub enum Study {
     Example,
     /// Sensors under the patches of a sky, beside Radiance.
     Daylight,
+    /// Seconds from a scene to estimates that can be mixed.
+    Progressive,
     /// Seconds from a scene to relit images.
     Speed,
     /// Time and memory against sizes.
@@ -127,7 +130,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -146,6 +149,7 @@ impl Study {
         Self::Example,
         Self::Daylight,
         Self::Shared,
+        Self::Progressive,
         Self::Speed,
         Self::Scaling,
     ];
@@ -168,6 +172,7 @@ impl Study {
             Self::Imports => "imports",
             Self::Example => "example",
             Self::Daylight => "daylight",
+            Self::Progressive => "progressive",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
             Self::Shared => "shared",
@@ -200,6 +205,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> R
             Study::Imports => imports::run(&bench)?,
             Study::Example => example::run(&bench)?,
             Study::Daylight => daylight::run(&bench)?,
+            Study::Progressive => progressive::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
             Study::Shared => shared::run(&bench)?,

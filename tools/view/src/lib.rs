@@ -4,6 +4,7 @@
 //! their own.
 
 pub mod animation;
+pub mod camera_moves;
 mod device_renderer;
 pub mod difference;
 pub mod display;
@@ -11,6 +12,7 @@ pub mod export;
 pub mod file_watch;
 pub mod groups;
 pub mod history;
+pub mod live;
 pub mod looks;
 pub mod meter;
 mod metered;
@@ -23,6 +25,7 @@ pub mod reach;
 pub mod recent;
 mod renderer;
 pub mod rows;
+pub mod saved_view;
 pub mod seen;
 pub mod sheet;
 pub mod snapshots;
@@ -59,8 +62,10 @@ pub enum RelightOn {
 /// Options of the window.
 #[derive(Clone, Debug, Default)]
 pub struct WindowOptions {
-    /// Container to open.
+    /// Container to open, or scene to render.
     pub path: Option<PathBuf>,
+    /// How a scene is rendered.
+    pub live: live::LiveChoices,
     /// Where to save a PNG of the window once its picture stands; the window closes then.
     pub screenshot: Option<PathBuf>,
     /// Frames to wait before that.

@@ -6,31 +6,78 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clap::{Parser, ValueEnum};
+use clap::{Args, Parser, ValueEnum};
 use ltm::resources::parse_bytes;
+use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 use ltm_cli::console::{EXIT_CODES, finish, use_threads};
+use ltm_cli::words::parse_size;
+use ltm_view::live::LiveChoices;
 use ltm_view::{RelightOn, WindowOptions};
 
-/// Open a container in a window: a mixer for its lights. Keys are listed under '?'.
+/// Open a container in a window: a mixer for its lights. Or render a scene and mix while it renders. Keys are listed under '?'.
 #[derive(Parser)]
-#[command(name = "ltm view", version, after_help = format!("Example: ltm view room.ltc\n\n{EXIT_CODES}"))]
+#[command(name = "ltm view", version, after_help = format!("Examples:
+  ltm view room.ltc
+  ltm view room.glb                          renders into room.ltc, mixed from the first seconds
+  ltm view scene.toml --samples 256 --size 1024x768
+
+{EXIT_CODES}"))]
 struct Arguments {
-    /// The container; without it, one is dropped on the window.
+    /// The container, or a scene to render: .toml, .glb, .gltf, .obj. Without it, one is dropped on the window.
     file: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneArguments,
     /// Save a PNG of the window once its picture stands, and close it.
     #[arg(long, value_name = "PNG")]
     screenshot: Option<PathBuf>,
     /// Where to relight: on the device that draws the window unless it is a software one, on the CPU, or there anyway.
     #[arg(long, value_enum, default_value = "auto")]
     device: DeviceName,
-    /// Memory for the container's factors; of a larger one, what is shown is read as it is needed [default: half of
-    /// the machine's].
+    /// Memory for the container's factors, and for rendering a scene; of a larger container, what is shown is read as it is
+    /// needed [default: half of the machine's for factors, what the system has for rendering].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
     /// Threads to use [default: one for each core].
     #[arg(long)]
     threads: Option<usize>,
+}
+
+/// How a scene is rendered.
+#[derive(Args)]
+struct SceneArguments {
+    /// The container that a scene is rendered into [default: the scene file's name with .ltc, in this folder].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Samples per pixel [default: the scene file's].
+    #[arg(long)]
+    samples: Option<u32>,
+    /// Seed of the samples [default: the scene file's].
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Image size, WIDTHxHEIGHT [default: the scene file's].
+    #[arg(long, value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Which camera of a glTF file is seen first [default: the first].
+    #[arg(long)]
+    camera: Option<String>,
+    /// Render although textures are missing, with the materials' colours in their place.
+    #[arg(long)]
+    allow_missing: bool,
+    /// Read files that the scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
+    #[arg(long)]
+    allow_outside: bool,
+    /// Replace a container that is there, and what an interrupted render of something else has left.
+    #[arg(long)]
+    force: bool,
+}
+
+impl SceneArguments {
+    fn choices(self) -> LiveChoices {
+        let Self { output, samples, seed, size, camera, allow_missing, allow_outside, force } = self;
+        let load = LoadOptions { allow_missing, allow_outside, memory_bytes: None, camera };
+        LiveChoices { output, samples, size, seed, overwrite: force, load }
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -53,6 +100,7 @@ fn run(options: Arguments) -> Result<()> {
     give_up_unless(opened.clone());
     ltm_view::run(WindowOptions {
         path: options.file,
+        live: options.scene.choices(),
         screenshot: options.screenshot,
         frames: 10,
         budget_bytes: options.memory,

@@ -90,6 +90,33 @@ impl Snapshots {
         carried
     }
 
+    /// As [`carried`](Self::carried), over a finer picture of the same view: references of any size are kept, and so is what is compared.
+    #[must_use]
+    pub fn refined(&self, carry: impl Fn(&Mix) -> Mix) -> Self {
+        let mut refined = self.clone();
+        for snapshot in &mut refined.list {
+            if let Some(mix) = &snapshot.mix {
+                (snapshot.mix, snapshot.image) = (Some(carry(mix)), None);
+            }
+        }
+        refined
+    }
+
+    /// Shows the comparison as it is shown of these.
+    pub fn follow(&mut self, of: &Self) {
+        (self.compared, self.wipe) = (of.compared.filter(|index| *index < self.list.len()), of.wipe);
+    }
+
+    /// Takes the pictures that the same snapshots have elsewhere.
+    pub fn take_images(&mut self, of: &Self) {
+        for snapshot in &mut self.list {
+            let found = of.list.iter().find(|other| other.name == snapshot.name && other.mix == snapshot.mix);
+            if let Some(image) = found.and_then(|other| other.image.clone()) {
+                snapshot.image = Some(image);
+            }
+        }
+    }
+
     /// The first snapshot that still lacks its picture.
     pub fn without_image(&self) -> Option<(&str, &Mix)> {
         let lacking = self.list.iter().find(|s| s.image.is_none())?;

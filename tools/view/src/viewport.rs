@@ -31,6 +31,12 @@ impl Viewport {
         }
     }
 
+    /// The same view of the same picture in more pixels, `factor` times as many along each side.
+    #[must_use]
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { zoom: self.zoom / factor, centre: self.centre.map(|at| at * factor), ..self }
+    }
+
     /// Fits the picture from now on.
     pub fn fit(&mut self) {
         self.fitted = true;
@@ -104,6 +110,13 @@ mod tests {
             assert!((before[0] - after[0]).abs() < 1e-5 * size && (before[1] - after[1]).abs() < 1e-5 * size);
             assert!((ZOOM_RANGE.0..=ZOOM_RANGE.1).contains(&viewport.zoom));
         }
+    }
+
+    #[test]
+    fn more_pixels_of_a_picture_stand_where_fewer_stood() {
+        let viewport = Viewport { zoom: 6.0, centre: [30.0, 40.0], fitted: false };
+        let finer = viewport.scaled(2.0);
+        assert_eq!(finer.to_view([70.0, 20.0]), viewport.to_view([35.0, 10.0]));
     }
 
     #[test]

@@ -19,6 +19,8 @@ mod kept;
 mod measures;
 #[path = "view_window/real.rs"]
 mod real;
+#[path = "view_window/rendering.rs"]
+mod rendering;
 #[path = "../../../tests/relight_source/texels.rs"]
 mod texels;
 
@@ -501,6 +503,7 @@ fn main() -> ExitCode {
         .chain(kept::TESTS)
         .chain(groups::TESTS)
         .chain(measures::TESTS)
+        .chain(rendering::TESTS)
         .map(|(name, test)| trial(name, test))
         .collect();
     let without = !real::is_possible();
@@ -516,6 +519,9 @@ fn main() -> ExitCode {
     trials.push(driven.with_ignored_flag(without || !real::has_hands()));
     let killed = trial("a_killed_window_loses_no_work", real::a_killed_window_loses_no_work);
     trials.push(killed.with_ignored_flag(without || !real::has_hands()));
+    for (name, test) in rendering::REAL {
+        trials.push(trial(name, test).with_ignored_flag(without || !real::has_hands()));
+    }
     let undesktopped =
         trial("a_desktop_without_dialogues_is_done_without", real::a_desktop_without_dialogues_is_done_without);
     trials.push(undesktopped.with_ignored_flag(without || !real::has_hands()));

@@ -14,7 +14,21 @@ Images are linear Rec. 709, rows from the top. A column's weight is in the unit 
 
 from ._lights import Light, Lights
 from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
-from ._make import BuiltIn, PackReport, RenderReport, Verified, info, merge, pack, render, verify, write, write_basis
+from ._make import (
+    BuiltIn,
+    Estimate,
+    PackReport,
+    RenderReport,
+    Verified,
+    info,
+    merge,
+    pack,
+    render,
+    render_live,
+    verify,
+    write,
+    write_basis,
+)
 from ._matrix import Block, Blocks, Gpu, Look, Matrix, gpu, open
 
 __all__ = [
@@ -23,6 +37,7 @@ __all__ = [
     "Blocks",
     "BuiltIn",
     "DamagedError",
+    "Estimate",
     "Gpu",
     "Light",
     "Lights",
@@ -39,6 +54,7 @@ __all__ = [
     "open",
     "pack",
     "render",
+    "render_live",
     "verify",
     "write",
     "write_basis",

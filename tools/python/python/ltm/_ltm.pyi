@@ -74,5 +74,16 @@ def render(
     pack: dict[str, Any] | None,
     progress: _Progress,
 ) -> dict[str, Any]: ...
+class LiveRender:
+    def __init__(
+        self,
+        scene: _Path | tuple[str, int, int, int],
+        path: _Path,
+        choices: dict[str, Any],
+        pack: dict[str, Any],
+        progress: _Progress,
+    ) -> None: ...
+    def next(self, progress: _Progress) -> dict[str, Any] | None: ...
+
 def verify(path: _Path, progress: _Progress) -> tuple[int, list[str], int, int, float]: ...
 def merge(parts: list[_Path], path: _Path, overwrite: bool, progress: _Progress) -> tuple[int, int]: ...

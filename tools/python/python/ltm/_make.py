@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,28 @@ class RenderReport:
     #: Path contributions that were not finite and were dropped.
     non_finite: int
     packed: PackReport | None = None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One container of a progressive render: all lights, cleaned, at some resolution."""
+
+    #: The container. That of an early estimate is replaced by the next.
+    path: Path
+    #: (height, width) in pixels.
+    size: tuple[int, int]
+    samples_per_pixel: int
+    #: Whether it is the finished container.
+    is_final: bool
+    #: Stated error: estimated relative L2 of images of single lights against infinitely many samples; None where it is not known.
+    error: float | None
+    #: Seconds since the start, and those by which the finished container is expected.
+    seconds: float
+    expected_seconds: float
+
+    def open(self) -> Matrix:
+        """Opens the container; close it as any other."""
+        return open(self.path)
 
 
 @dataclass(frozen=True)
@@ -293,6 +316,34 @@ def write_basis(
     return _ltm.write_basis(os.fspath(matrix), path, memory, _progress(progress))
 
 
+def _scene(scene: _Path | BuiltIn) -> Any:
+    return (scene.name, scene.width, scene.height, scene.texels) if isinstance(scene, BuiltIn) else os.fspath(scene)
+
+
+def _render_choices(
+    samples: int | None,
+    size: tuple[int, int] | None,
+    seed: int | None,
+    block_side: int | None,
+    camera: str | None,
+    allow_missing: bool,
+    allow_outside: bool,
+    overwrite: bool,
+    memory: int | None,
+) -> dict[str, Any]:
+    return {
+        "samples": samples,
+        "size": None if size is None else (size[1], size[0]),
+        "seed": seed,
+        "block_side": block_side,
+        "camera": camera,
+        "allow_missing": allow_missing,
+        "allow_outside": allow_outside,
+        "overwrite": overwrite,
+        "memory_bytes": memory,
+    }
+
+
 def render(
     scene: _Path | BuiltIn,
     path: _Path,
@@ -329,25 +380,53 @@ def render(
     if path.lower().endswith(".ltc") != pack:
         raise ValueError(f"{path}: a packed render ends with .ltc and is asked for with pack=True")
     packing = _choices(target, rank, keep_noise, denoise, basis, overwrite, memory) if pack else None
-    given: Any = (
-        (scene.name, scene.width, scene.height, scene.texels) if isinstance(scene, BuiltIn) else os.fspath(scene)
-    )
-    choices = {
-        "samples": samples,
-        "size": None if size is None else (size[1], size[0]),
-        "seed": seed,
-        "block_side": block_side,
-        "camera": camera,
-        "allow_missing": allow_missing,
-        "allow_outside": allow_outside,
-        "overwrite": overwrite,
-        "memory_bytes": memory,
-    }
+    given = _scene(scene)
+    choices = _render_choices(samples, size, seed, block_side, camera, allow_missing, allow_outside, overwrite, memory)
     said = _ltm.render(given, path, choices, packing, _progress(progress))
     own = {key: said.pop(key) for key in ("rays", "blocks_traced", "non_finite")}
     seconds, kept = said["seconds"], said.pop("blocks_kept")
     packed = PackReport(blocks_kept=kept, **said) if pack else None
     return RenderReport(seconds=seconds, blocks_kept=kept, packed=packed, **own)
+
+
+def render_live(
+    scene: _Path | BuiltIn,
+    path: _Path,
+    *,
+    samples: int | None = None,
+    size: tuple[int, int] | None = None,
+    seed: int | None = None,
+    block_side: int | None = None,
+    camera: str | None = None,
+    allow_missing: bool = False,
+    allow_outside: bool = False,
+    target: str | None = None,
+    rank: int | None = None,
+    overwrite: bool = False,
+    memory: int | None = None,
+    progress: Progress = None,
+) -> Iterator[Estimate]:
+    """Renders a scene into a container, with estimates of all lights from the first seconds on.
+
+    >>> for estimate in ltm.render_live("room.toml", "room.ltc"):
+    ...     with estimate.open() as m:
+    ...         image = m.relight({"lamp *": 2.0})
+    ...     print(estimate.size, estimate.samples_per_pixel, estimate.error)
+
+    The resolution doubles up to the full one, then the samples double; all early estimates together take at most 15 % of the time.
+    They are containers beside ``path`` (``room.early.ltc``), each in the place of the one before; the last is ``path``, with the bytes
+    that ``render(..., pack=True)`` gives. A loop that is left, or Ctrl-C, keeps what is there; the same call continues, and gives a
+    container that is finished at once. The arguments are those of :func:`render`.
+    """
+    path = os.path.abspath(os.fspath(path))
+    if not path.lower().endswith(".ltc"):
+        raise ValueError(f"{path}: the name of a container ends with .ltc")
+    packing = _choices(target, rank, False, True, None, overwrite, memory)
+    choices = _render_choices(samples, size, seed, block_side, camera, allow_missing, allow_outside, overwrite, memory)
+    told = _progress(progress)
+    render = _ltm.LiveRender(_scene(scene), path, choices, packing, told)
+    while (said := render.next(told)) is not None:
+        yield Estimate(path=Path(said.pop("path")), **said)
 
 
 def verify(path: _Path, *, progress: Progress = None) -> Verified:

@@ -1,5 +1,7 @@
 //! The whole window: where the panels stand, files dropped on it, messages.
 
+mod scenes;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
@@ -17,11 +19,13 @@ use super::layout::{Tab, show_document};
 use super::message::Message;
 use super::native_dialog::{NativeDialog, Outcome};
 use super::question::{Next, Question, Reply};
+use super::rendering::Rendering;
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
 use super::{exports, file_reading, report, worker_events, worker_requests};
 use crate::WindowOptions;
 use crate::export::write_rgba;
+use crate::live::{LiveChoices, is_scene};
 use crate::recent::{Recent, RecentKind};
 use crate::unsaved::LeftBehind;
 use crate::words::line;
@@ -34,6 +38,13 @@ const PATIENCE_FRAMES: u32 = 2000;
 /// The window's content; it needs a context of egui, not a window.
 pub struct App {
     document: Option<Document>,
+    /// The scene that is rendered, whose newest estimate the document is.
+    rendering: Option<Rendering>,
+    /// How scenes are rendered, and the memory for that.
+    choices: LiveChoices,
+    /// Work on that scene that an earlier window left behind, until there is a picture that it can be gone on with.
+    left: Option<LeftBehind>,
+    memory_bytes: Option<u64>,
     message: Option<String>,
     recent: Recent,
     /// Options for opening containers.
@@ -89,13 +100,24 @@ impl App {
             SharedDevice { device: state.device.clone(), queue: state.queue.clone(), shows }
         };
         let device = state.as_ref().map(share);
+        let memory_bytes = options.budget_bytes;
         let means = Means { device, budget_bytes: options.budget_bytes.unwrap_or_else(half_the_memory) };
         let recent = Recent::load(options.state_folder.clone());
         let mut app = Self {
             document: None,
+            rendering: None,
+            choices: options.live,
+            left: None,
+            memory_bytes,
             message: None,
             recent,
-            opening: Opening { means, state, state_folder: options.state_folder, jobs: JobCount::default() },
+            opening: Opening {
+                means,
+                state,
+                state_folder: options.state_folder,
+                jobs: JobCount::default(),
+                work_of: None,
+            },
             chooser: None,
             dialog: None,
             native_dialogs: options.native_dialogs,
@@ -118,8 +140,12 @@ impl App {
         app
     }
 
-    /// Opens a container instead of the one that is open, whose work is not kept.
+    /// Opens a container, or renders a scene, instead of what is open, whose work is not kept.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
+        if is_scene(path) {
+            return self.render(context, path);
+        }
+        self.rendering = None;
         match Document::open(context, path, self.opening.clone()) {
             Ok(document) => {
                 if let Some(mut old) = self.document.replace(document) {
@@ -143,6 +169,9 @@ impl App {
 
     /// Opens the container anew and goes on with the work on it.
     fn reload(&mut self, context: &egui::Context) {
+        if let Some(rendering) = &mut self.rendering {
+            return rendering.restart(context, self.memory_bytes);
+        }
         let Some(old) = self.document.take() else { return };
         match Document::open(context, &old.session.path, self.opening.clone()) {
             Ok(mut document) => {
@@ -166,6 +195,11 @@ impl App {
     }
 
     fn do_next(&mut self, context: &egui::Context, next: Next) {
+        let leaves = matches!(next, Next::Close | Next::Open(_));
+        if leaves && self.rendering.as_ref().is_some_and(Rendering::is_unfinished) {
+            self.question = Some(Question::Unfinished(next));
+            return;
+        }
         match next {
             Next::Close if self.is_writing() && !self.warned_of_writing => {
                 self.warned_of_writing = true;
@@ -198,6 +232,12 @@ impl App {
         match (self.question.take(), reply) {
             (Some(Question::Unsaved(next)), Reply::Yes) => self.save_then(next),
             (Some(Question::Unsaved(next)), Reply::No) => self.do_next(context, next),
+            (Some(Question::Unfinished(next)), Reply::Yes | Reply::No) => {
+                if let Some(rendering) = &mut self.rendering {
+                    rendering.end(reply == Reply::No);
+                }
+                self.do_next(context, next);
+            }
             (Some(Question::LeftBehind(left)), Reply::Yes) => {
                 if let Some(document) = &mut self.document {
                     file_reading::recover(document, left);
@@ -240,7 +280,9 @@ impl App {
         if self.document.as_ref().is_some_and(Document::is_modified) {
             context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.question = Some(Question::Unsaved(Next::Close));
-        } else if self.is_writing() && !self.warned_of_writing {
+        } else if self.rendering.as_ref().is_some_and(Rendering::is_unfinished)
+            || (self.is_writing() && !self.warned_of_writing)
+        {
             context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.do_next(context, Next::Close);
         } else if let Some(document) = &mut self.document {
@@ -282,7 +324,8 @@ impl App {
         let title = self.document.as_ref().map_or_else(
             || "ltm".to_owned(),
             |document| {
-                let name = document.session.path.file_name().unwrap_or_default().to_string_lossy();
+                let path = self.rendering.as_ref().map_or(&document.session.path, |rendering| &rendering.scene);
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let mark = if document.is_modified() { "● " } else { "" };
                 format!("{mark}{name} – ltm")
             },
@@ -300,7 +343,8 @@ impl App {
 
     /// Whether the image is complete and no newer one is pending.
     pub fn is_settled(&self) -> bool {
-        self.document.as_ref().is_none_or(|document| document.is_settled())
+        let awaits = self.rendering.as_ref().is_some_and(|rendering| rendering.awaits_picture());
+        !awaits && self.document.as_ref().is_none_or(|document| document.is_settled())
     }
 
     /// Pictures that have come of the open container.
@@ -327,7 +371,9 @@ impl App {
         if self.help && context.input(|input| input.key_pressed(egui::Key::Escape)) {
             self.help = false;
         }
+        let rendered = self.show_rendering(ui);
         match &mut self.document {
+            None if self.rendering.is_some() => self.outline(ui),
             None => self.welcome(ui),
             Some(document) => {
                 worker_events::receive(document, &context);
@@ -346,6 +392,7 @@ impl App {
                 }
             }
         }
+        self.act_on_rendering(&context, rendered);
         self.ask(&context);
         self.choose(&context);
         self.go_on_after_save(&context);
@@ -448,6 +495,7 @@ impl App {
         match purpose {
             Purpose::Container => self.proceed(context, Next::Open(path)),
             Purpose::LoadLook => self.proceed(context, Next::LoadLook(path)),
+            Purpose::SaveContainer => exports::copy_container(document, path),
             Purpose::SaveLook => exports::write_look(document, path),
             Purpose::LightImage(light) => file_reading::read_image(document, path, Some(light)),
             Purpose::Reference => file_reading::read_image(document, path, None),
@@ -475,8 +523,8 @@ impl App {
         egui::CentralPanel::default().frame(egui::Frame::new().fill(SURROUND)).show(ui, |ui| {
             ui.vertical_centered(|ui| {
                 ui.add_space(ui.available_height() * 0.3);
-                ui.label(RichText::new("Drop a container here").size(22.0).color(TEXT));
-                ui.label(RichText::new("a .ltc file, as ltm-pack makes it").color(WEAK));
+                ui.label(RichText::new("Drop a container or a scene here").size(22.0).color(TEXT));
+                ui.label(RichText::new("a .ltc file, or a scene to render: .glb, .gltf, .obj, .toml").color(WEAK));
                 ui.add_space(14.0);
                 if ui.button("Open…  (Ctrl+O)").clicked() {
                     self.begin_choosing(&ui.ctx().clone(), Purpose::Container, Path::new("."));
@@ -504,7 +552,8 @@ impl App {
             context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in dropped {
             let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
-            let Some(document) = self.document.as_ref().filter(|_| ending != "ltc") else {
+            let Some(document) = self.document.as_ref().filter(|_| !["ltc", "glb", "gltf", "obj"].contains(&&*ending))
+            else {
                 self.proceed(context, Next::Open(path));
                 continue;
             };

@@ -34,6 +34,8 @@ impl WorkState {
 #[derive(Default)]
 pub(super) struct Autosave {
     state_folder: Option<PathBuf>,
+    /// The file that the work belongs to, where that is not the container.
+    work_of: Option<PathBuf>,
     place: Option<Unsaved>,
     /// The state that was written last, or is being written.
     written: Option<WorkState>,
@@ -46,8 +48,8 @@ pub(super) struct Autosave {
 
 impl Autosave {
     /// Without a state folder nothing is saved.
-    pub(super) fn new(state_folder: Option<PathBuf>) -> Self {
-        Self { state_folder, ..Default::default() }
+    pub(super) fn new(state_folder: Option<PathBuf>, work_of: Option<PathBuf>) -> Self {
+        Self { state_folder, work_of, ..Default::default() }
     }
 
     /// Goes on in a document that was opened anew: what the old one's worker was writing is not heard of any more.
@@ -93,7 +95,7 @@ impl Autosave {
     pub(super) fn write(&mut self, session: &Session, saved: Saved, revision: u64) -> Result<()> {
         let Some(state_folder) = &self.state_folder else { return Ok(()) };
         if self.place.is_none() {
-            match Unsaved::begin(state_folder, &session.path) {
+            match Unsaved::begin(state_folder, self.work_of.as_ref().unwrap_or(&session.path)) {
                 Ok(place) => self.place = Some(place),
                 Err(error) => {
                     // Not once more in each frame.

@@ -17,6 +17,8 @@ use ltm::resources::human_bytes;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     Container,
+    /// A copy of the container that is shown.
+    SaveContainer,
     LoadLook,
     SaveLook,
     /// A picture or map for this light.
@@ -64,7 +66,8 @@ const IMAGES: [&str; 7] = ["exr", "hdr", "png", "jpg", "jpeg", "tga", "bmp"];
 impl Purpose {
     pub(super) fn title(self) -> &'static str {
         match self {
-            Self::Container => "Open a container",
+            Self::Container => "Open a container or a scene",
+            Self::SaveContainer => "Save the container as it stands",
             Self::LoadLook => "Load a look",
             Self::SaveLook => "Save the look",
             Self::LightImage(_) => "Put an image on the light",
@@ -80,7 +83,8 @@ impl Purpose {
 
     pub(super) fn endings(self) -> &'static [&'static str] {
         match self {
-            Self::Container => &["ltc"],
+            Self::Container => &["ltc", "toml", "glb", "gltf", "obj"],
+            Self::SaveContainer => &["ltc"],
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
             Self::LightImage(_) | Self::Reference => &IMAGES,

@@ -39,6 +39,8 @@ pub(super) struct Opening {
     pub(super) state_folder: Option<PathBuf>,
     /// Jobs in the background.
     pub(super) jobs: JobCount,
+    /// The file that unsaved work belongs to, where that is not the container: the scene that is rendered.
+    pub(super) work_of: Option<PathBuf>,
 }
 
 /// Each part stands in a file of its own and knows no other; what concerns several is done here and above.
@@ -96,13 +98,14 @@ impl Document {
             requests: Requests::new(lighting),
             files: FileJobs::new(path, opening.jobs),
             message: None,
-            autosave: Autosave::new(opening.state_folder),
+            autosave: Autosave::new(opening.state_folder, opening.work_of),
             session,
         })
     }
 
     /// Goes on with the work on `old`, the same container as it was before.
     pub(super) fn go_on(&mut self, old: Self) {
+        let same_size = old.size() == self.size();
         let (from, to) = (old.session.container.clone(), self.session.container.clone());
         let (from, to) = (&from.job().basis, &to.job().basis);
         let scene = self.work.scene.clone();
@@ -113,9 +116,7 @@ impl Document {
         if from.lights().len() == to.lights().len() {
             self.list.go_on(old.list, to.lights().len());
         }
-        let same_size = old.session.container.shape().width() == self.size()[0]
-            && old.session.container.shape().height() == self.size()[1];
-        self.view.go_on(old.view, same_size);
+        self.view.go_on(old.view, same_size.then_some(1.0));
         self.files.go_on(old.files);
         self.editor = old.editor;
         let lost = match lost {
@@ -126,6 +127,54 @@ impl Document {
         self.message = Some(Message { is_error: !lost.is_empty(), text: format!("Reloaded with your mix{lost}") });
         self.autosave = old.autosave;
         self.autosave.go_on();
+    }
+
+    /// Takes the place of `old`, an estimate of the same scene with the same lights, with all that was done to it. Where both are of one view,
+    /// nothing but the picture changes.
+    pub(super) fn take_place_of(&mut self, old: Self) {
+        let scale = self.size()[0] as f32 / old.size()[0] as f32;
+        let lights = self.basis().lights().len();
+        let mut compare = old.compare;
+        compare.snapshots = std::mem::take(&mut self.compare.snapshots);
+        compare.forget_difference();
+        compare.is_relighting = false;
+        self.compare = compare;
+        self.work = old.work;
+        self.list.go_on(old.list, lights);
+        self.view.go_on(old.view, Some(scale));
+        self.meter.go_on(old.meter, scale);
+        self.features.shows = old.features.shows;
+        let wanted = old.files.wanted;
+        self.files.go_on(old.files);
+        self.files.wanted = wanted;
+        self.editor = old.editor;
+        self.message = old.message;
+        self.autosave = old.autosave;
+        self.autosave.go_on();
+    }
+
+    /// Makes this, which is not shown yet, follow what is done to `shown`, an earlier estimate. Whether it can take its place: its whole
+    /// picture stands.
+    pub(super) fn follow(&mut self, shown: &Self) -> bool {
+        let (from, to) = (shown.session.container.clone(), self.session.container.clone());
+        let carry = |mix: &Mix| mix.carried(&from.job().basis, &to.job().basis, &self.work.scene);
+        let mix = carry(&shown.work.mix);
+        if self.compare.snapshots.revision() != shown.compare.snapshots.revision()
+            || self.compare.snapshots.list().len() != shown.compare.snapshots.list().len()
+        {
+            let before = self.compare.snapshots.clone();
+            self.compare.snapshots = shown.compare.snapshots.refined(carry);
+            self.compare.snapshots.take_images(&before);
+        }
+        self.compare.snapshots.follow(&shown.compare.snapshots);
+        self.work.mix = mix;
+        self.view.set_display(shown.view.display);
+        self.view.viewport.centre = shown.view.viewport.scaled(self.size()[0] as f32 / shown.size()[0] as f32).centre;
+        self.shown.progress.is_complete()
+            && self.requests.are_answered()
+            && self.shown.valued == self.shown.seen
+            && self.shown.id().is_some()
+            && self.compare.snapshots.without_image().is_none()
     }
 
     pub(super) fn basis(&self) -> &LightBasis {

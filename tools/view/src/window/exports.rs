@@ -12,7 +12,7 @@ use crate::mixer::Mix;
 use crate::pdf;
 use crate::sheet::contact_sheet;
 use crate::worker::Brought;
-use ltm::error::Result;
+use ltm::error::{Error, Result};
 use ltm::light::Lighting;
 use ltm::relight::relight_streaming;
 
@@ -97,5 +97,14 @@ pub(super) fn write_animation(document: &mut Document, path: PathBuf) {
             None => relight_streaming(&*container, lighting).map(|(image, _)| image),
         };
         animation::write(&path, &frames, per_sec, &display, relight).map(Brought::Message)
+    });
+}
+
+/// Copies the container that is shown.
+pub(super) fn copy_container(document: &mut Document, path: PathBuf) {
+    let from = document.session.path.clone();
+    document.start_job(move || {
+        let copied = std::fs::copy(&from, &path);
+        copied.map_err(Error::io(&path, format!("copy {} to it", from.display()))).map(|_| wrote(&path))
     });
 }

@@ -62,6 +62,14 @@ pub(super) struct LightMeter {
 }
 
 impl LightMeter {
+    /// Goes on over a picture of the same view that is `scale` times as large.
+    pub(super) fn go_on(&mut self, old: Self, scale: f32) {
+        let mut area = old.area;
+        area.corners.iter_mut().for_each(|corner| *corner = corner.map(|at| at * scale));
+        let Self { shows, measured, scale: shown, no_lines, draws, .. } = old;
+        *self = Self { shows, measured, scale: shown, no_lines, draws, area, ..Self::default() };
+    }
+
     /// The scale of what is shown.
     pub(super) fn scale(&self) -> Option<Scale> {
         let field = self.field.as_ref().map(|(_, field)| field)?;

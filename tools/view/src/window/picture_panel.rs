@@ -6,6 +6,7 @@ use super::comparison::difference_in_words;
 use super::document::Document;
 use super::message::Message;
 use super::meter_overlay::{draw_area, draw_labels};
+use super::outline_panel::{camera_moves, is_camera_drag};
 use super::seen_lights::{
     SUN_GRIP, SeenSun, draw_band, draw_suns, move_sun, seen_suns, select_in_picture, shows_directions,
 };
@@ -85,13 +86,19 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let size = document.size();
     document.view.viewport.follow([rect.width() - 24.0, rect.height() - 24.0], size);
-    drag(ui, document, &response);
+    if document.view.moves_camera {
+        document.view.moves.extend(camera_moves(ui, &response));
+    }
+    if !(document.view.moves_camera && is_camera_drag(&response)) {
+        drag(ui, document, &response);
+    }
     let place = Place::of(rect, document);
     let hover = response.hover_pos();
     if let Some(pointer) = hover {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let factor = (scroll * 0.004).exp() * pinch;
-        if factor != 1.0 {
+        let is_camera = document.view.moves_camera && ui.input(|input| input.modifiers.command || input.modifiers.alt);
+        if factor != 1.0 && !is_camera {
             document.view.viewport.zoom_about(place.offset_of(pointer), factor);
         }
         match place.held_at(document, pointer) {
@@ -222,6 +229,10 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
     };
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     let texture = document.features.id().or(document.meter.id()).unwrap_or(texture);
+    if let Some(outline) = document.view.outline {
+        painter.image(outline, picture, whole, Color32::WHITE);
+        return tag(&painter, Align2::CENTER_CENTER, pos2(rect.center().x, rect.top() + 18.0), "outline");
+    }
     painter.image(texture, picture, whole, Color32::WHITE);
     draw_compared(ui, &painter, document, place);
     if document.features.id().is_none() {

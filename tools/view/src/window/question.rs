@@ -20,6 +20,8 @@ pub(super) enum Next {
 pub(super) enum Question {
     /// Whether to save the work first.
     Unsaved(Next),
+    /// Whether to keep what is rendered of a scene before this.
+    Unfinished(Next),
     /// Whether to go on with work that an earlier window left behind.
     LeftBehind(LeftBehind),
 }
@@ -47,6 +49,10 @@ impl Question {
                 };
                 let title = format!("Save your mix before {before}?");
                 (title, "What is not saved would be lost.".to_owned(), "Save", "Discard", "Cancel")
+            }
+            Self::Unfinished(_) => {
+                let about = "The render is not finished. What is kept is shown and gone on with when the scene is opened again.";
+                ("Keep what is rendered?".to_owned(), about.to_owned(), "Keep", "Discard", "Cancel")
             }
             Self::LeftBehind(left) => {
                 let about = format!("A window on this container ended {} before its mix was saved.", ago(left.written));

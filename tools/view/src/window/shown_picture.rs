@@ -51,6 +51,8 @@ pub(super) struct ShownPicture {
     /// Generations of the newest picture and of the newest values.
     pub(super) seen: u64,
     pub(super) valued: u64,
+    /// Whether larger pixels run into each other: of an early picture they mean nothing by themselves.
+    pub(super) is_smooth: bool,
     texture: Option<TextureHandle>,
     /// The device's own texture, instead of the other, where the device shows the pictures.
     screen: Option<ScreenTexture>,
@@ -73,6 +75,7 @@ impl ShownPicture {
             pictures: 0,
             seen: 0,
             valued: 0,
+            is_smooth: false,
             texture: None,
             screen: None,
             state,
@@ -87,7 +90,8 @@ impl ShownPicture {
         self.count_arrival();
         match (picture.seen, &self.state) {
             (Seen::Bytes(shown, image), _) => {
-                set_texture(context, &mut self.texture, "picture", &shown);
+                let filter = if self.is_smooth { egui::TextureFilter::Linear } else { egui::TextureFilter::Nearest };
+                set_filtered_texture(context, &mut self.texture, "picture", &shown, filter);
                 self.screen = None;
                 return Some(PictureValues { generation: picture.generation, image, histogram: shown.histogram });
             }
@@ -139,13 +143,20 @@ pub(super) fn colour_image(shown: &Shown) -> ColorImage {
     ColorImage::from_rgba_premultiplied(shown.size, &shown.rgba)
 }
 
-/// Sets a texture, or makes it.
+/// Sets a texture, or makes it. Its pixels are squares when they are large.
 pub(super) fn set_texture(context: &egui::Context, texture: &mut Option<TextureHandle>, name: &str, shown: &Shown) {
-    let options = TextureOptions {
-        magnification: egui::TextureFilter::Nearest,
-        minification: egui::TextureFilter::Linear,
-        ..Default::default()
-    };
+    set_filtered_texture(context, texture, name, shown, egui::TextureFilter::Nearest);
+}
+
+/// As [`set_texture`], with what large pixels are filtered by.
+pub(super) fn set_filtered_texture(
+    context: &egui::Context,
+    texture: &mut Option<TextureHandle>,
+    name: &str,
+    shown: &Shown,
+    magnification: egui::TextureFilter,
+) {
+    let options = TextureOptions { magnification, minification: egui::TextureFilter::Linear, ..Default::default() };
     let image = reduced(colour_image(shown), context.input(|input| input.max_texture_side));
     match texture {
         Some(texture) => texture.set(image, options),

@@ -1,5 +1,8 @@
 //! How the picture is shown, and what was asked of it.
 
+use eframe::egui::TextureId;
+
+use crate::camera_moves::CameraMove;
 use crate::display::Display;
 use crate::viewport::Viewport;
 use ltm::image::{LinearImage, exposure_for};
@@ -33,6 +36,12 @@ pub(super) struct ViewState {
     pub(super) beside: Beside,
     /// Whether a scene that does not say how long its unit is counts as one in metres.
     pub(super) assumes_metres: bool,
+    /// Whether the pointer may move the camera: the scene is at hand.
+    pub(super) moves_camera: bool,
+    /// How the pointer has moved it in this frame.
+    pub(super) moves: Vec<CameraMove>,
+    /// What is shown instead of the picture while that is of an older view.
+    pub(super) outline: Option<TextureId>,
     /// The exposure that was chosen for the picture, until the whole picture stands.
     exposed: Option<f32>,
 }
@@ -47,6 +56,9 @@ impl Default for ViewState {
             select_strongest: false,
             beside: Beside::Wipe,
             assumes_metres: false,
+            moves_camera: false,
+            moves: Vec::new(),
+            outline: None,
             exposed: Some(Display::default().tone.exposure_stops),
         }
     }
@@ -67,12 +79,15 @@ impl ViewState {
         (self.display, self.exposed) = (display, None);
     }
 
-    /// Follows the same container as it was before.
-    pub(super) fn go_on(&mut self, old: Self, same_size: bool) {
+    /// Follows the same view as it was before. `scale`: how much larger the picture is, where it is of the same shape.
+    pub(super) fn go_on(&mut self, old: Self, scale: Option<f32>) {
         self.set_display(old.display);
         (self.assumes_metres, self.beside) = (old.assumes_metres, old.beside);
-        if same_size {
-            self.viewport = old.viewport;
+        (self.moves_camera, self.moves, self.outline) = (old.moves_camera, old.moves, old.outline);
+        if let Some(scale) = scale {
+            self.viewport = old.viewport.scaled(scale);
+            let place = |pixel: [u32; 2]| pixel.map(|at| ((at as f32 + 0.5) * scale) as u32);
+            self.asked = old.asked.map(|asked| Asked { pixel: place(asked.pixel), ..asked });
         }
     }
 }

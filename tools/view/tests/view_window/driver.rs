@@ -94,6 +94,11 @@ impl Driver {
         driver
     }
 
+    /// Opens a window of which no frame has been drawn, with options of its own.
+    pub(crate) fn unseen_with(options: WindowOptions) -> Self {
+        Self::unseen(None, options, SIZE)
+    }
+
     fn unseen(state: Option<RenderState>, options: WindowOptions, size: egui::Vec2) -> Self {
         let context = egui::Context::default();
         context.enable_accesskit();
@@ -255,6 +260,32 @@ impl Driver {
             self.frame(vec![Event::PointerButton { pos, button, pressed, modifiers }]);
         }
         self.time_secs += 1.0;
+    }
+
+    /// Drags with the other button over a number of frames.
+    pub(crate) fn drag_secondary(&mut self, from: Pos2, to: Pos2, frames: usize) {
+        let modifiers = self.modifiers;
+        let button = |pos, pressed| Event::PointerButton { pos, button: PointerButton::Secondary, pressed, modifiers };
+        self.frame(vec![Event::PointerMoved(from)]);
+        self.frame(vec![button(from, true)]);
+        for frame in 1..=frames {
+            self.move_to(from + (to - from) * (frame as f32 / frames as f32));
+        }
+        self.frame(vec![button(to, false)]);
+        self.time_secs += 1.0;
+    }
+
+    /// Whether a widget's name holds this text.
+    pub(crate) fn says(&self, text: &str) -> bool {
+        self.widgets.iter().any(|(label, _)| label.contains(text))
+    }
+
+    /// Asks the window to close, as its frame's button does, and draws one frame; whether it does.
+    pub(crate) fn ask_to_close(&mut self) -> bool {
+        self.close_requested = true;
+        self.frame(Vec::new());
+        self.frame(Vec::new());
+        self.closed
     }
 
     /// Places of all widgets that have a name.

@@ -9,6 +9,7 @@ use ltm::image::{LinearImage, ToneMapping, read_image};
 use ltm::light::Lighting;
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
+use ltm_view::live::LiveChoices;
 use ltm_view::{RelightOn, WindowOptions, looks, run};
 
 use super::container;
@@ -30,6 +31,8 @@ pub(crate) const TESTS: [(&str, fn()); 4] = [
 const AS_VIEWER: &str = "--act-as-viewer";
 /// Names the state folder of such a viewer.
 const STATE: &str = "LTM_VIEW_TEST_STATE";
+/// Says how such a viewer renders a scene: container, width, height, samples, apart by `|`.
+const LIVE: &str = "LTM_VIEW_TEST_LIVE";
 /// Names that such a viewer asks the desktop for its dialogues.
 const DIALOGUES: &str = "LTM_VIEW_TEST_DIALOGUES";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
@@ -55,6 +58,7 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
         (AS_VIEWER, [path, rest @ ..]) => {
             let options = WindowOptions {
                 path: Some(path.into()),
+                live: std::env::var(LIVE).map_or_else(|_| LiveChoices::default(), |text| live_choices(&text)),
                 screenshot: rest.first().map(PathBuf::from),
                 frames: 30,
                 relight_on: if rest.get(1).is_some_and(|on| on != "cpu") { RelightOn::Gpu } else { RelightOn::Cpu },
@@ -84,6 +88,18 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
             Some(ExitCode::SUCCESS)
         }
         _ => None,
+    }
+}
+
+fn live_choices(text: &str) -> LiveChoices {
+    let parts: Vec<&str> = text.split('|').collect();
+    let [output, width, height, samples] = parts[..] else { panic!("{text}") };
+    let [width, height, samples] = [width, height, samples].map(|number| number.parse().unwrap());
+    LiveChoices {
+        output: Some(output.into()),
+        size: Some((width, height)),
+        samples: Some(samples),
+        ..Default::default()
     }
 }
 
@@ -193,6 +209,17 @@ const WAIT_FOR: &str = r#"
 fn play(script: &str, container: &Path, files: &[(&str, &Path)]) {
     let options = WindowOptions { path: Some(container.to_owned()), ..Default::default() };
     let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
+    let place = [("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())];
+    play_at(script, container, files, &place);
+}
+
+/// As [`play`], of a scene that is rendered into a container of some pixels with some samples.
+pub(crate) fn play_rendering(script: &str, scene: &Path, container: &Path, size: (u32, u32), samples: u32) {
+    let live = format!("{}|{}|{}|{samples}", container.display(), size.0, size.1);
+    play_at(script, scene, &[("RESULT", container)], &[(LIVE, live)]);
+}
+
+fn play_at(script: &str, container: &Path, files: &[(&str, &Path)], variables: &[(&str, String)]) {
     let output = Command::new("timeout")
         .args(["100", "xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", "bash", "-c"])
         .arg([WAIT_FOR, script].concat())
@@ -200,7 +227,7 @@ fn play(script: &str, container: &Path, files: &[(&str, &Path)]) {
         .env("VIEWER", this_program())
         .env("CONTAINER", container)
         .envs(files.iter().copied())
-        .envs([("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())])
+        .envs(variables.iter().map(|(name, value)| (*name, value)))
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -6,8 +6,9 @@ use clap::Args;
 use ltm::Result;
 use ltm::pipeline::demo::demo;
 
-use crate::input::{Overrides, parse_size};
+use crate::input::Overrides;
 use ltm_cli::console::Console;
+use ltm_cli::words::parse_size;
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
 const DEMO_SAMPLES: u32 = 256;

@@ -8,12 +8,7 @@ use ltm::look::{self, Look};
 use ltm::pipeline::check_matrix_path;
 use ltm::scene::{LoadOptions, LoadedScene};
 use ltm::{Error, Result};
-
-pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let (width, height) = text.split_once('x').ok_or("write WIDTHxHEIGHT, for example 1024x768")?;
-    let side = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a size ({e})"));
-    Ok((side(width)?, side(height)?))
-}
+use ltm_cli::words::parse_size;
 
 /// Reads a look file, whose images may lie anywhere where that is allowed.
 pub(crate) fn load_look(path: &Path, basis: &LightBasis, allow_outside: bool) -> Result<Look> {
@@ -28,9 +23,9 @@ pub(crate) fn load_look(path: &Path, basis: &LightBasis, allow_outside: bool) ->
 /// What of a scene is rendered, and what may be read for it.
 #[derive(Args)]
 pub(crate) struct SceneFiles {
-    /// Which camera of a glTF file [default: the first].
-    #[arg(long)]
-    pub(crate) camera: Option<String>,
+    /// Which camera of a glTF file [default: the first]; with --pack several, by an option each, give a container each.
+    #[arg(long = "camera", value_name = "CAMERA")]
+    pub(crate) cameras: Vec<String>,
     /// Render this grid of sensors of a scene file in the place of its camera.
     #[arg(long)]
     pub(crate) grid: Option<String>,
@@ -43,13 +38,24 @@ pub(crate) struct SceneFiles {
 }
 
 impl SceneFiles {
+    /// Errors: several cameras, where only one view is made.
+    pub(crate) fn one_camera(&self) -> Result<Option<&String>> {
+        match &self.cameras[..] {
+            [_, _, ..] => {
+                let hint = "give one --camera; ltm render --pack takes several";
+                Err(Error::input("--camera", "is given several times", hint))
+            }
+            few => Ok(few.first()),
+        }
+    }
+
     pub(crate) fn load_options(&self, memory_bytes: Option<u64>) -> LoadOptions {
-        let Self { camera, grid, allow_missing, allow_outside } = self;
+        let Self { cameras, grid, allow_missing, allow_outside } = self;
         LoadOptions {
             allow_missing: *allow_missing,
             allow_outside: *allow_outside,
             memory_bytes,
-            camera: camera.clone(),
+            camera: cameras.first().cloned(),
             grid: grid.clone(),
         }
     }
@@ -103,5 +109,5 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
 /// Whether a file is a scene file or a glTF file, by its name.
 pub(crate) fn is_scene(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    ["toml", "glb", "gltf"].contains(&&*extension)
+    ["toml", "glb", "gltf", "obj"].contains(&&*extension)
 }

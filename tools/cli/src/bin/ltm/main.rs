@@ -48,7 +48,8 @@ enum Command {
   ltm render room.toml                       writes room.ltm
   ltm render room.toml -o t.ltm --samples 256 --size 1024x768
   ltm render room.toml --blocks 0..100       one part of a farm's work
-  ltm render room.toml --pack --target 45dB  writes room.ltc, and no matrix")]
+  ltm render room.toml --pack --target 45dB  writes room.ltc, and no matrix
+  ltm render room.glb --pack --camera door --camera desk    room-door.ltc and room-desk.ltc, with one tree")]
     Render(render::Render),
     /// Plan the work of many machines: ranges of blocks, and what each will take, in a file that they all read.
     #[command(after_help = "Examples:
@@ -82,7 +83,7 @@ enum Command {
   ltm share room.ltc -o site --lighting looks.toml --title 'Meeting room'
   ltm share room.ltc -o room.html --single      one file to send")]
     Share(share::Share),
-    /// Open a container in a window: a mixer for its lights. A program of its own, ltm-view.
+    /// Open a container in a window, a mixer for its lights, or render a scene in it and mix meanwhile. A program of its own, ltm-view.
     #[command(disable_help_flag = true)]
     View(sibling::Arguments),
     /// Say what a .ltm or .ltc file is, or what a scene or glTF file holds.

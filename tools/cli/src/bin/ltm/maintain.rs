@@ -59,6 +59,7 @@ pub(crate) struct Merge {
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
+    options.files.one_camera()?;
     let allowed = options.files.load_options(options.memory);
     let loaded = options.overrides.of(pipeline::load_scene(&options.scene, allowed)?);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;

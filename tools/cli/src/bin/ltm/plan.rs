@@ -71,7 +71,7 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
         "samples": options.overrides.samples,
         "seed": options.overrides.seed,
         "size": options.overrides.size.map(|(width, height)| [width, height]),
-        "camera": options.files.camera,
+        "camera": options.files.one_camera()?,
         "grid": options.files.grid,
         "allow_missing": options.files.allow_missing,
         "allow_outside": options.files.allow_outside,

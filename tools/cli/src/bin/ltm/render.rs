@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::error_estimate::{ErrorMonitor, expected_error};
 use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
-use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};
+use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport, SceneView};
 use ltm::resources::{MemoryNeed, Progress, human_bytes, parse_bytes};
 use ltm::sample_budget::{RenderTo, StopRule, choose_samples, parse_error, parse_seconds};
+use ltm::scene::{Camera, LoadedScene};
 use ltm::store::{Precision, StoreReader};
+use ltm::{Error, Result};
 
 use crate::input::{Overrides, SceneFiles};
 use ltm_cli::compression::{Compression, say_errors};
@@ -21,7 +22,7 @@ use ltm_cli::{names, say};
 
 #[derive(Args)]
 pub(crate) struct Render {
-    /// The scene file, or a glTF file (.glb, .gltf) with its own camera and lights.
+    /// The scene file, or a glTF file (.glb, .gltf) with its own camera and lights, or an OBJ file.
     scene: PathBuf,
     /// The file to write [default: the scene file's name with .ltm, or .ltc with --pack, in this folder].
     #[arg(short, long)]
@@ -86,6 +87,9 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let extension = if options.pack { "ltc" } else { "ltm" };
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, extension));
     check_name(&output, options.pack)?;
+    if options.files.cameras.len() > 1 {
+        return render_views(options, loaded, &output, console);
+    }
     if let Some(when) = options.preview {
         let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
         let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
@@ -148,6 +152,39 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
         missing => say!("{missing} blocks are still missing: render them too, then ltm merge"),
     }
     Ok(())
+}
+
+/// Renders several views, a container each, named after their cameras.
+fn render_views(options: &Render, loaded: LoadedScene, output: &Path, console: &Console) -> Result<()> {
+    let refuse = |hint: &str| Err(Error::input("--camera", "is given several times", hint));
+    if !options.pack || options.error.is_some() || options.time.is_some() || options.preview.is_some() {
+        return refuse("say --pack, with --samples and without --error, --time and --preview; or give one");
+    }
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let view = |name: &String| -> Result<SceneView> {
+        let found = loaded.cameras.iter().find(|(own, _)| own == name);
+        let known = || loaded.cameras.iter().map(|(own, _)| format!("'{own}'")).collect::<Vec<_>>().join(", ");
+        let refuse =
+            || Error::input("--camera", format!("there is no camera '{name}'"), format!("there are {}", known()));
+        let (width, height) = (loaded.scene.camera.width, loaded.scene.camera.height);
+        let camera = found.ok_or_else(refuse)?.1;
+        let camera = if options.overrides.size.is_some() { Camera { width, height, ..camera } } else { camera };
+        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
+        let name: String = name.chars().map(plain).collect();
+        Ok(SceneView { camera, path: output.with_file_name(format!("{stem}-{name}.ltc")) })
+    };
+    let views = options.files.cameras.iter().map(view).collect::<Result<Vec<_>>>()?;
+    if let Some(at) = (1..views.len()).find(|&at| views[..at].iter().any(|view| view.path == views[at].path)) {
+        let problem = format!("two views would both be {}", views[at].path.display());
+        return Err(Error::input("--camera", problem, "give each camera once"));
+    }
+    let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
+    let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
+    (pack.container.overwrite, pack.allow_lost_lights) = (options.force, options.force);
+    pipeline::render_views(loaded, &views, &pack, console, |view, render, packed| {
+        print_report(&view.path, &render);
+        print_packed(&view.path, &packed)
+    })
 }
 
 /// What a render has reached of the error that was asked for, and what to do where it missed that by far.

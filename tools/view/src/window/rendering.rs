@@ -1,0 +1,315 @@
+//! A scene that is rendered while it is mixed: its views, its estimates, and the document that shows the newest of them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use eframe::egui::{self, TextureHandle, TextureId};
+use glam::{DVec3, Vec3};
+
+use super::document::{Document, Opening};
+use super::message::{Message, line};
+use super::requests::Requests;
+use super::shown_picture::set_filtered_texture;
+use super::{worker_events, worker_requests};
+use crate::camera_moves::{CameraMove, MovingCamera};
+use crate::display::Display;
+use crate::live::{LiveChoices, LiveClock, LiveEvent, LiveJob, LiveView, output_of};
+use crate::saved_view::{self, Saved};
+use ltm::pipeline::{Estimate, RenderStage};
+use ltm::scene::Camera;
+
+/// Moves that can be undone.
+const MOST_UNDO: usize = 200;
+
+/// What is known of the estimate that is shown, or will be.
+#[derive(Clone)]
+pub(super) struct ShownEstimate {
+    pub(super) camera: Camera,
+    pub(super) stage: RenderStage,
+    pub(super) error: Option<f64>,
+    pub(super) is_final: bool,
+    pub(super) clock: LiveClock,
+}
+
+impl ShownEstimate {
+    fn of(camera: Camera, estimate: &Estimate) -> Self {
+        let Estimate { stage, error, is_final, .. } = estimate;
+        Self { camera, stage: *stage, error: *error, is_final: *is_final, clock: LiveClock::of(estimate) }
+    }
+}
+
+pub(super) struct Rendering {
+    pub(super) scene: PathBuf,
+    choices: LiveChoices,
+    /// None once it was stopped.
+    pub(super) job: Option<LiveJob>,
+    /// The cameras of a glTF file.
+    pub(super) cameras: Vec<(String, Camera)>,
+    /// The scene's camera, and the newest view; none before the scene was read.
+    pub(super) own: Option<Camera>,
+    pub(super) view: Option<MovingCamera>,
+    origin: DVec3,
+    undo: Vec<MovingCamera>,
+    /// Whether a drag moves the camera, which is one step.
+    is_moving: bool,
+    outline: Option<(Camera, TextureHandle)>,
+    pub(super) shown: Option<ShownEstimate>,
+    /// An estimate that is not shown yet.
+    next: Option<(Box<Document>, ShownEstimate)>,
+    /// Why the job does not go on.
+    pub(super) failed: Option<String>,
+    /// What saving views has replaced.
+    saved: Vec<Saved>,
+}
+
+impl Rendering {
+    /// Begins to render a scene.
+    pub(super) fn start(context: &egui::Context, scene: &Path, choices: LiveChoices, memory: Option<u64>) -> Self {
+        let job = start(context, scene, &choices, memory);
+        Self {
+            scene: scene.to_owned(),
+            choices,
+            job: Some(job),
+            cameras: Vec::new(),
+            own: None,
+            view: None,
+            origin: DVec3::ZERO,
+            undo: Vec::new(),
+            is_moving: false,
+            outline: None,
+            shown: None,
+            next: None,
+            failed: None,
+            saved: Vec::new(),
+        }
+    }
+
+    /// Begins anew, with the scene as it is on the disk now.
+    pub(super) fn restart(&mut self, context: &egui::Context, memory: Option<u64>) {
+        self.job = None;
+        // What is not finished is of the older scene; what is, stays.
+        self.choices.overwrite |= !output_of(&self.scene, &self.choices).exists();
+        (self.own, self.view, self.next, self.failed) = (None, None, None, None);
+        self.job = Some(start(context, &self.scene, &self.choices, memory));
+    }
+
+    /// Whether the job goes on, and its end would leave something unfinished.
+    pub(super) fn is_unfinished(&self) -> bool {
+        self.job.is_some() && !self.is_final()
+    }
+
+    /// Whether the finished container of the newest view is shown.
+    pub(super) fn is_final(&self) -> bool {
+        self.shown.as_ref().is_some_and(|shown| shown.is_final && self.is_newest(&shown.camera))
+    }
+
+    /// Whether no estimate is shown yet though one is to come, or a newer one is about to be shown.
+    pub(super) fn awaits_picture(&self) -> bool {
+        (self.shown.is_none() && self.failed.is_none() && self.job.is_some()) || self.next.is_some()
+    }
+
+    fn is_newest(&self, camera: &Camera) -> bool {
+        self.view.as_ref().is_none_or(|view| view.camera == *camera)
+    }
+
+    /// Takes what the job has brought, and shows the newest estimate once its picture stands.
+    pub(super) fn receive(&mut self, context: &egui::Context, document: &mut Option<Document>, opening: &Opening) {
+        let events: Vec<LiveEvent> = self.job.iter().flat_map(LiveJob::events).collect();
+        for event in events {
+            match event {
+                LiveEvent::Opened { cameras, camera, origin, warnings } => {
+                    (self.cameras, self.own, self.origin) = (cameras, Some(camera), origin);
+                    self.view = Some(MovingCamera::new(camera, 1.0));
+                    if let (Some(document), Some(warning)) = (document.as_mut(), warnings.first()) {
+                        document.message = Some(Message::info(warning.clone()));
+                    }
+                }
+                LiveEvent::Outline { camera, image, distance } => {
+                    let mut texture = self.outline.take().map(|(_, texture)| texture);
+                    let shown = Display::default().show(&image);
+                    set_filtered_texture(context, &mut texture, "outline", &shown, egui::TextureFilter::Linear);
+                    self.outline = texture.map(|texture| (camera, texture));
+                    let is_moving = self.is_moving;
+                    if let (Some(view), Some(distance), false) = (&mut self.view, distance, is_moving)
+                        && view.camera == camera
+                    {
+                        view.distance = distance;
+                    }
+                }
+                LiveEvent::Estimate(camera, estimate) if self.is_newest(&camera) => {
+                    let opening = Opening { work_of: Some(self.scene.clone()), ..opening.clone() };
+                    match Document::open(context, &estimate.path, opening) {
+                        Ok(mut next) => {
+                            self.failed = None;
+                            next.shown.is_smooth = !estimate.is_final;
+                            self.next = Some((Box::new(next), ShownEstimate::of(camera, &estimate)));
+                        }
+                        Err(error) => self.failed = Some(line(&error)),
+                    }
+                }
+                LiveEvent::Estimate(..) => {}
+                LiveEvent::Failed(message) => self.failed = Some(message),
+            }
+        }
+        self.show_next(context, document);
+        if let Some(document) = document {
+            // Whoever renders it knows that it changes.
+            document.files.changed = None;
+            document.view.moves_camera = self.view.is_some() && self.job.is_some();
+            document.view.outline = self.outline_id();
+        }
+    }
+
+    /// The outline, while it is newer than what is shown.
+    pub(super) fn outline_id(&self) -> Option<TextureId> {
+        let is_older = self.shown.as_ref().is_none_or(|shown| !self.is_newest(&shown.camera));
+        self.outline.as_ref().filter(|_| is_older).map(|(_, texture)| texture.id())
+    }
+
+    fn show_next(&mut self, context: &egui::Context, document: &mut Option<Document>) {
+        let Some((mut next, estimate)) = self.next.take() else { return };
+        worker_events::receive(&mut next, context);
+        let is_ready = match document {
+            Some(shown) => next.follow(shown) && !shown.files.any_open() && !context.input(|i| i.pointer.any_down()),
+            None => next.is_ready(),
+        };
+        if !is_ready {
+            worker_requests::ask(&mut next, context, false);
+            context.request_repaint();
+            self.next = Some((next, estimate));
+            return;
+        }
+        if let Some(old) = document.take() {
+            next.take_place_of(old);
+        }
+        self.shown = Some(estimate);
+        *document = Some(*next);
+    }
+
+    /// Takes up how the pointer has moved the camera.
+    pub(super) fn take_moves(&mut self, context: &egui::Context, moves: Vec<CameraMove>) {
+        let held = context.input(|input| input.pointer.any_down());
+        if moves.is_empty() {
+            self.is_moving &= held;
+            return;
+        }
+        let Some(before) = self.view else { return };
+        if !self.is_moving {
+            self.remember(before);
+        }
+        self.is_moving = held;
+        if let Some(view) = &mut self.view {
+            moves.into_iter().for_each(|step| view.apply(step));
+        }
+        self.set_view();
+    }
+
+    fn remember(&mut self, view: MovingCamera) {
+        self.undo.push(view);
+        if self.undo.len() > MOST_UNDO {
+            self.undo.remove(0);
+        }
+    }
+
+    /// Whether a move can be taken back.
+    pub(super) fn can_undo(&self) -> bool {
+        !self.undo.is_empty()
+    }
+
+    /// Takes the newest move back.
+    pub(super) fn undo_move(&mut self) {
+        if let Some(before) = self.undo.pop() {
+            self.view = Some(before);
+            self.set_view();
+        }
+    }
+
+    /// Goes on to a camera.
+    pub(super) fn look_through(&mut self, camera: Camera) {
+        if let Some(before) = self.view.filter(|view| view.camera != camera) {
+            self.remember(before);
+            self.view = Some(MovingCamera::new(camera, before.distance));
+            self.set_view();
+        }
+    }
+
+    /// Frames a light: the box of its places.
+    pub(super) fn frame(&mut self, document: &Document) -> Result<(), String> {
+        let Some(light) = document.list.selected() else { return Err("Select a lamp first".into()) };
+        let light = &document.basis().lights()[light];
+        if light.kind.is_environment() || light.places.is_empty() {
+            return Err(format!("{} stands nowhere in the scene", light.name));
+        }
+        let Some(mut view) = self.view else { return Err("The scene is not read yet".into()) };
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for place in light.places.iter().map(|place| Vec3::from(*place)) {
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let extent = light.extents.iter().copied().fold(0.0, f32::max);
+        // A lamp without extent is shown with what is around it.
+        let radius = (0.5 * (high - low).length() + extent).max(0.1 * view.distance);
+        self.remember(view);
+        view.frame(0.5 * (low + high), radius);
+        self.view = Some(view);
+        self.set_view();
+        Ok(())
+    }
+
+    /// Has the newest view rendered: the scene's own into its container, others into one beside it.
+    fn set_view(&mut self) {
+        let (Some(view), Some(job)) = (&self.view, &self.job) else { return };
+        let is_own = self.own == Some(view.camera);
+        let output = output_of(&self.scene, &self.choices);
+        let path = if is_own { output.clone() } else { view_path(&output) };
+        job.set_view(LiveView { camera: view.camera, overwrite: !is_own || !output.exists(), path });
+        self.failed = None;
+        self.next = None;
+    }
+
+    /// Saves the view into the scene file, or into one beside the scene.
+    pub(super) fn save_view(&mut self) -> Result<String, String> {
+        let Some(view) = &self.view else { return Err("The scene is not read yet".into()) };
+        let saved = saved_view::save(&self.scene, &view.camera, self.origin).map_err(|error| line(&error))?;
+        let said = format!("Saved the view in {}", saved.path.display());
+        self.saved.push(saved);
+        Ok(said)
+    }
+
+    /// Whether a saved view can be taken back.
+    pub(super) fn can_restore(&self) -> bool {
+        !self.saved.is_empty()
+    }
+
+    /// Takes the newest save of a view back.
+    pub(super) fn restore_view(&mut self) -> Result<String, String> {
+        let Some(saved) = self.saved.pop() else { return Err("No view was saved".into()) };
+        saved_view::restore(&saved).map_err(|error| line(&error))?;
+        Ok(format!("{} is as it was", saved.path.display()))
+    }
+
+    /// Ends the job. What is not finished stays, unless it is discarded.
+    pub(super) fn end(&mut self, discards: bool) {
+        if let Some(job) = self.job.take() {
+            job.end(discards);
+        }
+    }
+}
+
+/// The container of a view that the scene does not have.
+fn view_path(output: &Path) -> PathBuf {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{stem}-view.ltc"))
+}
+
+fn start(context: &egui::Context, scene: &Path, choices: &LiveChoices, memory: Option<u64>) -> LiveJob {
+    let context = context.clone();
+    LiveJob::start(scene, choices.clone(), memory, Arc::new(move || context.request_repaint()))
+}
+
+impl Document {
+    /// Whether its whole picture stands.
+    fn is_ready(&self) -> bool {
+        let stands = self.shown.progress.is_complete() && self.shown.valued == self.shown.seen;
+        stands && Requests::are_answered(&self.requests) && self.shown.id().is_some()
+    }
+}
