@@ -64,7 +64,6 @@
 //! # Ok::<(), ltm::Error>(())
 //! ```
 
-mod guard;
 mod header;
 mod layout;
 mod mapped;
@@ -77,6 +76,7 @@ mod reader;
 mod record;
 mod space;
 mod storage;
+mod system;
 mod tile;
 mod tile_writer;
 mod verify;

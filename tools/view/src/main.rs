@@ -10,6 +10,7 @@ use clap::{Parser, ValueEnum};
 use ltm::resources::parse_bytes;
 use ltm::{Error, Result};
 use ltm_cli::console::{EXIT_CODES, finish, use_threads};
+use ltm_cli::documentation;
 use ltm_view::{RelightOn, WindowOptions};
 
 /// Open a container in a window: a mixer for its lights. Keys are listed under '?'.
@@ -44,7 +45,7 @@ enum DeviceName {
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn main() -> ExitCode {
-    finish("ltm view", run(Arguments::parse()))
+    finish("ltm view", run(documentation::parse("ltm-view")))
 }
 
 fn run(options: Arguments) -> Result<()> {
