@@ -357,7 +357,7 @@ fn lights(assembly: &mut Assembly, materials: &Materials) -> Result<()> {
     let (spot, middle) = (Vec3::new(-0.65, 2.62, -1.35), Vec3::new(-0.65, 1.55, -2.47));
     let direction = (middle - spot).normalize();
     let spot = PointEmitter::Spot { position: spot, direction, inner_radians: 0.30, outer_radians: 0.55 };
-    assembly.point("picture spot", spot, [7.0, 6.0, 4.8])?;
+    assembly.point("picture spot", spot, [3.0, 2.6, 2.1])?;
     let towards = Vec3::new(-0.72, 0.52, 0.38).normalize();
     assembly.point("sun", PointEmitter::Sun { towards, angular_radius_radians: 0.01 }, [22.0, 19.0, 15.0])?;
     let (across, down) = SKY_TEXELS;

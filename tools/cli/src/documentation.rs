@@ -49,8 +49,8 @@ fn parsed_shell(name: &OsString) -> Result<Shell> {
 ///
 /// # Errors
 /// Standard output cannot be written.
-pub fn write_completions(command: Command, program: &str, shell: Shell) -> Result<()> {
-    let mut command = command.name(program.to_owned()).bin_name(program);
+pub fn write_completions(command: Command, program: &'static str, shell: Shell) -> Result<()> {
+    let mut command = command.name(program).bin_name(program);
     command.build();
     let mut script = Vec::new();
     shell.generate(&command, &mut script);
@@ -64,7 +64,6 @@ pub fn write_completions(command: Command, program: &str, shell: Shell) -> Resul
 /// The folder cannot be made or written.
 fn write_man_pages(command: Command, program: &'static str, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
-    // A page's version is the program's; without its own help and version options each command's page is about the command.
     let mut command = command.name(program).bin_name(program);
     command.build();
     write_page(&command, program, folder)?;

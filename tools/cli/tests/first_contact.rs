@@ -45,8 +45,9 @@ fn an_empty_folder_gets_the_demonstration() {
 #[test]
 fn each_kind_of_file_gets_its_command_and_what_was_made_already_gets_none() {
     let folder = tempfile::tempdir().unwrap();
-    let name = |name: &str| fs::write(folder.path().join(name), "").unwrap();
-    ["a b.glb", "old.glb", "old.ltc", "raw.ltm", "packed.ltm", "packed.ltc", ".hidden.glb", "notes.txt"].map(name);
+    for name in ["a b.glb", "old.glb", "old.ltc", "raw.ltm", "packed.ltm", "packed.ltc", ".hidden.glb", "notes.txt"] {
+        fs::write(folder.path().join(name), "").unwrap();
+    }
     fs::write(folder.path().join("look.toml"), "[[light]]\nname = \"*\"\n").unwrap();
     let commands = proposed(folder.path());
     assert_eq!(
@@ -146,7 +147,7 @@ fn the_doctor_says_one_line_of_each_thing_and_what_is_missing() {
 #[test]
 fn every_shell_gets_completions_of_all_programs() {
     let folder = tempfile::tempdir().unwrap();
-    for (shell, of_pack) in [("bash", "complete -F _ltm-pack"), ("zsh", "#compdef ltm-pack"), ("fish", "-c ltm-pack")] {
+    for (shell, of_pack) in [("bash", "-o default ltm-pack"), ("zsh", "#compdef ltm-pack"), ("fish", "-c ltm-pack")] {
         let script = said(run(folder.path(), "ltm", &["completions", shell]));
         assert!(script.contains(of_pack) && script.contains("relight") && script.contains("keep-noise"), "{shell}");
     }

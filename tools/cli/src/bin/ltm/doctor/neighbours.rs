@@ -6,8 +6,9 @@ use std::process::{Command, Stdio};
 use super::Finding;
 use crate::sibling;
 
-/// What Python is asked: its version, and that of the package.
+/// What Python is asked: its version, and that of the package; what lies in this folder is no package.
 const PYTHON: &str = "import sys
+del sys.path[0]
 version = sys.version.split()[0]
 try:
     import ltm
