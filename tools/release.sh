@@ -36,9 +36,7 @@ export SOURCE_DATE_EPOCH
 # No path of this machine is part of what is made.
 remapped="--remap-path-prefix=$cargo_home=/cargo --remap-path-prefix=$root=/ltm"
 export RUSTFLAGS="${RUSTFLAGS:-} $remapped"
-export CFLAGS="-ffile-prefix-map=$cargo_home=/cargo -ffile-prefix-map=$root=/ltm" CXXFLAGS="$CFLAGS"
-CFLAGS="-ffile-prefix-map=$cargo_home=/cargo -ffile-prefix-map=$root=/ltm"
-export CXXFLAGS=$CFLAGS
+export CFLAGS="-ffile-prefix-map=$cargo_home=/cargo" CXXFLAGS="-ffile-prefix-map=$cargo_home=/cargo"
 export CARGO_PROFILE_RELEASE_STRIP=symbols CARGO_PROFILE_RELEASE_DEBUG=0 CARGO_INCREMENTAL=0
 
 # build FOLDER_OF_FILES

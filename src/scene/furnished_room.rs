@@ -26,7 +26,7 @@ const SIDES: u32 = 48;
 /// Side of the square textures in texels.
 const TEXTURE_SIDE: u32 = 256;
 
-/// A living room of 6 m × 5 m with a window, seen at 1280 × 720 pixels: a sky of 16 × 8 texels, a sun, a ceiling panel of 12 × 8 texels,
+/// A room of 6 m × 5 m with a window, seen at 1280 × 720 pixels: a sky of 16 × 8 texels, a sun, a ceiling panel of 12 × 8 texels,
 /// three pendants over a table, a floor lamp, and a spot on a picture. Its own lighting has all of them on.
 ///
 /// # Panics

@@ -4,8 +4,9 @@ use std::fs::File;
 use std::io;
 use std::time::SystemTime;
 
+use super::access::Access;
 use super::system::{self, GuardedMap};
-use super::{Access, FileStorage, Storage};
+use super::{FileStorage, Storage};
 
 /// A file for reading that lends its bytes from a memory map, without a copy if its pages are cached. Reads into a
 /// caller's buffer are positioned, which is faster than copying from a map (decision 41).

@@ -3,19 +3,9 @@
 use std::fs::File;
 use std::io;
 
+use super::access::Access;
 use super::system;
 use crate::files::PositionedFile;
-
-/// The access pattern to expect.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Access {
-    /// Whole blocks, for packing and relighting: the system reads ahead.
-    #[default]
-    Blocks,
-    /// A few columns of a block: it does not, for most of what it would read is not wanted.
-    Columns,
-}
 
 /// What the store asks of a file. Tests put storages in between that fail, tear, freeze and count.
 pub trait Storage: Send + Sync {

@@ -7,7 +7,7 @@ use std::num::NonZeroU64;
 use rustix::fs::{Advice, FallocateFlags};
 use rustix::io::Errno;
 
-use crate::store::Access;
+use crate::store::access::Access;
 
 /// Says what will be read of a file.
 pub(in crate::store) fn will_read(file: &File, access: Access) {

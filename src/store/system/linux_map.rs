@@ -16,7 +16,7 @@ use std::sync::{Once, OnceLock};
 
 use memmap2::{Advice, Mmap, UncheckedAdvice};
 
-use crate::store::Access;
+use crate::store::access::Access;
 
 /// Maps that may be open at a time; beyond that files are read without.
 const MAX_MAPS: usize = 64;

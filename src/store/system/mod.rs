@@ -13,4 +13,4 @@ pub(super) use linux::{clears, expect, is_local, next_data, release, reserve, wi
 #[cfg(target_os = "linux")]
 pub(super) use linux_map::GuardedMap;
 #[cfg(not(target_os = "linux"))]
-pub(super) use portable::{GuardedMap, clears, expect, is_local, next_data, release, reserve, will_read};
+pub(super) use portable::{NoMap as GuardedMap, clears, expect, is_local, next_data, release, reserve, will_read};

@@ -4,12 +4,12 @@ use std::convert::Infallible;
 use std::fs::File;
 use std::io;
 
-use crate::store::Access;
+use crate::store::access::Access;
 
 /// No map: a file that is cut under one would end the program, and how to survive that is each system's own.
-pub(in crate::store) struct GuardedMap(Infallible);
+pub(in crate::store) struct NoMap(Infallible);
 
-impl GuardedMap {
+impl NoMap {
     pub(in crate::store) fn new(_file: &File) -> io::Result<Self> {
         Err(io::ErrorKind::Unsupported.into())
     }

@@ -12,7 +12,7 @@ const NO_MEMORY: i32 = 6;
 /// Bytes from which a piece of memory is the system's own again once it is freed.
 const MAPPED_FROM: usize = 128 << 10;
 
-/// Keeps the programs within the memory that they state (decision 44): the system's allocator, told to give large pieces back.
+/// Keeps the programs within the memory that they state (decisions 44 and 81): the system's allocator, told to give large pieces back.
 ///
 /// Where the system refuses memory all the same (`ulimit -v` counts what is only reserved), it ends the program with one
 /// line and the exit code of memory: Rust would abort, with a trace. Files survive a program that ends at any instant.

@@ -1,5 +1,5 @@
 //! What the programs share: progress on a terminal, Ctrl-C, exit codes, the allocator, names of outputs, the
-//! options of packing, how advice is worded, and their man pages and completions.
+//! options of packing, how advice is worded, and their man pages and completions. What is left out of them by default is decision 80.
 
 mod allocator;
 pub mod compression;
