@@ -41,8 +41,8 @@
 //!
 //! # Features
 //!
-//! `scene` (on by default): scene files, lighting files and the tracer. Without it matrices come from elsewhere. `gpu` (on by
-//! default): relighting on a GPU. `s3`: shards and containers in an object store. The rest works without them.
+//! `scene` (on by default): scene files, lighting files and the tracer. Without it matrices come from elsewhere. `gpu`: relighting on
+//! a GPU. `s3`: shards and containers in an object store. The rest works without them.
 //!
 //! # Who may know whom
 //!
@@ -108,7 +108,7 @@
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `blob_store` |
 //! | `thiserror` | `blob_store`, `error`, `trace` |
 //! | `std::fs` | `block_records`, `container`, `blob_store`, `files`, `resources`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
-//! | `std::os` | `block_records`, `container`, `files`, `resources`, `pipeline`, `store` |
+//! | `std::os` | `files`, `store` |
 //! | `std::thread` | `resources`, `image`, `pipeline`, `store` |
 //! | `std::env` | `files` |
 //! | `std::process` | `blob_store` |

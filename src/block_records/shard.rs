@@ -7,13 +7,12 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
-use crate::files::{ContinuationFile, Ranged};
+use crate::files::{ContinuationFile, PositionedFile, Ranged};
 
 /// Magic bytes of a shard; the last is the version of the format.
 const MARK: [u8; 8] = *b"LTMshrd1";

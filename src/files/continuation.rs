@@ -1,12 +1,12 @@
 //! A file from which a stopped job goes on.
 
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use super::lock::{is_named, open_locked};
+use super::system::PositionedFile;
 use crate::error::{Error, Hint, Result};
 
 /// What stands before the records: the mark, and the fingerprint of the job.

@@ -2,9 +2,9 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::Read;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
+use super::system;
 use crate::error::{Error, Result};
 
 /// Opens a file for reading; `action` says for what ("open the image"). It never blocks, as opening a pipe without a
@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 /// # Errors
 /// There is no such file, it may not be read, or it is a folder, pipe or device.
 pub fn open_input(path: &Path, action: &str) -> Result<File> {
-    let no_wait = rustix::fs::OFlags::NONBLOCK.bits() as i32;
-    let file = OpenOptions::new().read(true).custom_flags(no_wait).open(path).map_err(Error::io(path, action))?;
+    let opened = system::opens_without_waiting(OpenOptions::new().read(true)).open(path);
+    let file = opened.map_err(Error::io(path, action))?;
     let found = file.metadata().map_err(Error::io(path, action))?;
     if found.is_file() {
         return Ok(file);
@@ -56,6 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[cfg(unix)]
     fn a_pipe_without_a_writer_is_refused_at_once() {
         let folder = tempfile::tempdir().unwrap();
         let pipe = folder.path().join("pipe");

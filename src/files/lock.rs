@@ -1,13 +1,11 @@
 //! The one rule for locks.
 
-use std::fs::{File, OpenOptions};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use rustix::fs::FlockOperation;
-use rustix::io::Errno;
-
+use super::system;
 use crate::error::{Error, Result};
 
 type Teller = Box<dyn Fn(&str) + Send + Sync>;
@@ -40,23 +38,16 @@ pub fn open_locked(path: &Path, create: bool) -> Result<File> {
     open_locked_by(path, create, try_lock)
 }
 
-fn open_locked_by(path: &Path, create: bool, try_lock: impl Fn(&File) -> Result<Lock, Errno>) -> Result<File> {
+fn open_locked_by(path: &Path, create: bool, try_lock: impl Fn(&File) -> io::Result<Lock>) -> Result<File> {
     let action = if create { "create" } else { "open for writing" };
-    // Opening must not wait for the other end of a pipe.
-    let no_wait = rustix::fs::OFlags::NONBLOCK.bits() as i32;
     loop {
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(create)
-            .truncate(false)
-            .custom_flags(no_wait)
-            .open(path)
-            .map_err(Error::io(path, action))?;
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(create).truncate(false);
+        let file = system::opens_without_waiting(&mut options).open(path).map_err(Error::io(path, action))?;
         if !file.metadata().map_err(Error::io(path, action))?.is_file() {
             return Err(Error::input(path.display().to_string(), "is a pipe or device", "give a file"));
         }
-        match try_lock(&file).map_err(|e| Error::io(path, "lock")(e.into()))? {
+        match try_lock(&file).map_err(Error::io(path, "lock"))? {
             Lock::HeldByAnother => {
                 let problem = "another process is writing it";
                 return Err(Error::input(path.display().to_string(), problem, "wait for it, or stop it"));
@@ -74,23 +65,22 @@ fn open_locked_by(path: &Path, create: bool, try_lock: impl Fn(&File) -> Result<
 }
 
 /// Tries to lock an open file.
-pub(super) fn try_lock(file: &File) -> Result<Lock, Errno> {
+pub(super) fn try_lock(file: &File) -> io::Result<Lock> {
     loop {
-        return match rustix::fs::flock(file, FlockOperation::NonBlockingLockExclusive) {
+        return match file.try_lock() {
             Ok(()) => Ok(Lock::Held),
-            Err(Errno::WOULDBLOCK) => Ok(Lock::HeldByAnother),
-            Err(Errno::INTR) => continue,
+            Err(TryLockError::WouldBlock) => Ok(Lock::HeldByAnother),
+            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Interrupted => continue,
             // A file system without locks, or a system out of them, or where the network lost its lock server.
-            Err(_) => Ok(Lock::Unknown),
+            Err(TryLockError::Error(_)) => Ok(Lock::Unknown),
         };
     }
 }
 
 /// Whether `path` names this very file.
 pub(super) fn is_named(file: &File, path: &Path) -> bool {
-    let identity = |found: std::io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
-    let open = identity(file.metadata());
-    open.is_some() && open == identity(std::fs::metadata(path))
+    let (Ok(open), Ok(named)) = (file.metadata(), std::fs::metadata(path)) else { return false };
+    system::identity(&open) == system::identity(&named)
 }
 
 pub(super) fn say_locks_are_missing(path: &Path) {
@@ -152,6 +142,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn a_pipe_is_not_waited_for() {
         let folder = tempfile::tempdir().unwrap();
         let pipe = folder.path().join("pipe");

@@ -1,9 +1,10 @@
 //! Names beside other names, and what may stand in the way of an output.
 
 use std::cmp::Ordering;
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::system;
 use crate::error::{Error, Hint, Result};
 
 /// The folder of a file, `.` for a bare name.
@@ -84,7 +85,7 @@ pub fn check_output(path: &Path, overwrite: bool) -> Result<()> {
 /// The folder cannot be opened or synced.
 pub fn sync_folder(path: &Path) -> Result<()> {
     let folder = folder_of(path);
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(Error::io(folder, "sync the folder"))
+    system::sync_folder(folder).map_err(Error::io(folder, "sync the folder"))
 }
 
 #[cfg(test)]

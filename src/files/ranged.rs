@@ -3,7 +3,8 @@
 use std::fmt::Debug;
 use std::fs::File;
 use std::io::Result;
-use std::os::unix::fs::{FileExt, MetadataExt};
+
+use super::system::{PositionedFile, allocated_bytes};
 
 /// What can be read by ranges, from several threads at once: a file, or an object of a store.
 pub trait Ranged: Debug + Send + Sync {
@@ -45,6 +46,6 @@ impl Ranged for File {
 
     fn stored_bytes(&self) -> Result<u64> {
         let metadata = self.metadata()?;
-        Ok(if metadata.blocks() == 0 { metadata.len() } else { metadata.blocks() * 512 })
+        Ok(if allocated_bytes(&metadata) == 0 { metadata.len() } else { allocated_bytes(&metadata) })
     }
 }

@@ -1,18 +1,14 @@
 //! Replacing a file whole, or not at all.
 
-use std::ffi::{OsStr, OsString};
-use std::fs::{self, File, OpenOptions, Permissions};
+use std::ffi::OsStr;
+use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, ErrorKind, Write};
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-
-use rustix::fs::{CWD, RenameFlags};
-use rustix::io::Errno;
 
 use super::check_output;
 use super::lock::{Lock, is_named, say_locks_are_missing, try_lock};
 use super::names::{folder_of, sync_folder};
+use super::system::{self, Renamed};
 use crate::error::{Error, Hint, Result};
 
 /// Ends every temporary name, before its number.
@@ -21,8 +17,6 @@ const TEMPORARY: &str = ".ltm-tmp";
 const LOOKED_AT: u32 = 4;
 /// Temporary names of one output at most.
 const MAX_TEMPORARIES: u32 = 1000;
-/// Bytes of a name that a temporary name repeats, so that it stays within the 255 of the file systems.
-const REPEATED_BYTES: usize = 200;
 
 /// A file that grows under a private temporary name beside `path` until [`finish`](Self::finish) moves it there. Dropped, it is
 /// removed, and what stood under the name is as it was.
@@ -112,11 +106,9 @@ pub fn write_file(path: &Path, overwrite: bool, bytes: &[u8]) -> Result<()> {
 /// `to` exists and may not be replaced, even if it was made only now; the system refuses.
 pub fn publish(from: &Path, to: &Path, overwrite: bool) -> Result<()> {
     if overwrite && let Ok(old) = fs::metadata(to) {
-        let new_mode = fs::metadata(from).map_err(Error::io(from, "look at"))?.permissions().mode() & 0o777;
-        let mode = new_mode & (old.permissions().mode() | 0o600);
-        if mode != new_mode {
-            let mode = Permissions::from_mode(mode);
-            fs::set_permissions(from, mode).map_err(Error::io(from, "set the permissions of"))?;
+        let new = fs::metadata(from).map_err(Error::io(from, "look at"))?;
+        if let Some(narrowed) = system::no_wider_than(&new, &old) {
+            fs::set_permissions(from, narrowed).map_err(Error::io(from, "set the permissions of"))?;
         }
     }
     let failed = || Error::io(to, "give the finished file its name");
@@ -127,13 +119,12 @@ pub fn publish(from: &Path, to: &Path, overwrite: bool) -> Result<()> {
     if overwrite {
         fs::rename(from, to).map_err(failed())?;
     } else {
-        match rustix::fs::renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
-            Ok(()) => {}
-            Err(Errno::EXIST) => return exists(),
-            // A file system that cannot rename so: looking first is the best that is left.
-            Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) if to.exists() => return exists(),
-            Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => fs::rename(from, to).map_err(failed())?,
-            Err(error) => return Err(failed()(error.into())),
+        match system::rename_to_new(from, to).map_err(failed())? {
+            Renamed::Done => {}
+            Renamed::Taken => return exists(),
+            // Looking first is the best that is left.
+            Renamed::Unknown if to.exists() => return exists(),
+            Renamed::Unknown => fs::rename(from, to).map_err(failed())?,
         }
     }
     sync_folder(to)
@@ -205,10 +196,8 @@ fn remove_if_orphan(temporary: &Path) -> std::io::Result<bool> {
 }
 
 fn temporary_path(path: &Path, number: u32) -> PathBuf {
-    let name = path.file_name().unwrap_or(OsStr::new("file")).as_bytes();
-    let repeated = &name[..name.len().min(REPEATED_BYTES)];
-    let name = [b".", repeated, TEMPORARY.as_bytes(), number.to_string().as_bytes()].concat();
-    folder_of(path).join(OsString::from_vec(name))
+    let name = path.file_name().unwrap_or(OsStr::new("file"));
+    folder_of(path).join(system::temporary_name(name, &format!("{TEMPORARY}{number}")))
 }
 
 #[cfg(test)]
@@ -266,19 +255,22 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn permissions_are_those_of_the_umask_and_never_wider_than_before() {
+        use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let (path, plain) = (folder.path().join("x"), folder.path().join("plain"));
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
         fs::write(&plain, "").unwrap();
         write(&path, false, "a").unwrap();
         assert_eq!(mode(&path), mode(&plain));
-        fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
         write(&path, true, "b").unwrap();
         assert_eq!(mode(&path), 0o600);
     }
 
     #[test]
+    #[cfg(unix)]
     fn a_link_is_followed_and_a_long_name_fits() {
         let folder = tempfile::tempdir().unwrap();
         let (path, link) = (folder.path().join("ä".repeat(127)), folder.path().join("link"));

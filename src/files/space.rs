@@ -3,15 +3,16 @@
 use std::path::Path;
 
 use super::names::folder_of;
+use super::system;
 use crate::error::{Error, Result};
 
-/// Bytes that an unprivileged process may still write to the file system of `path`, a folder or file that exists.
+/// Bytes that an unprivileged process may still write to the file system of `path`, a folder or file that exists; the largest number
+/// where the system does not say.
 ///
 /// # Errors
 /// There is nothing at `path`, or the system does not tell.
 pub fn free_bytes(path: &Path) -> Result<u64> {
-    let volume = rustix::fs::statvfs(path).map_err(|e| Error::io(path, "ask for free space")(e.into()))?;
-    Ok(volume.f_bavail.saturating_mul(volume.f_frsize))
+    system::free_bytes(path).map_err(Error::io(path, "ask for free space"))
 }
 
 /// Refuses at once where the folder that will hold `path` has no room for `needed` bytes.

@@ -1,4 +1,4 @@
-//! The demonstration: the embedded room through every stage, and one table of what it cost and what it lost.
+//! The demonstration: a room rendered in rounds, packed, relit under a few lightings, and one table of what it cost and what it lost.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,85 +6,133 @@ use std::time::Instant;
 
 use crate::resources::{PeakMemory, Progress, human_bytes};
 
-use super::{PackOptions, PackReport, RelightOptions, RenderOptions};
+use super::{PackOptions, PackReport, RelightOptions, Relighter};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::image::{self, ImageError, LinearImage};
-use crate::light::{Light, LightBasis, Lighting};
+use crate::image::{self, LinearImage};
+use crate::light::{LightBasis, LightKind, Lighting, light_errors_lines};
 use crate::matrix::MatrixShape;
-use crate::relight::relight_raw;
 use crate::scene::LoadedScene;
-use crate::store::StoreReader;
 
-/// Positions of the moving spot.
-const SPOT_FRAMES: usize = 4;
+/// Of the samples of each later round, one over the share that the round before it takes.
+const GROWTH: u32 = 4;
+/// Fewest samples per pixel of a round: two, since its halves tell the noise.
+const FEWEST_SAMPLES: u32 = 2;
+/// Rounds at most, each a whole picture.
+const MAX_ROUNDS: usize = 2;
+/// Names of the container, and of the picture that each round replaces.
+const CONTAINER: &str = "demo.ltc";
+const PICTURE: &str = "all-on";
 
 /// Result of the demonstration; displays as its closing table.
 #[derive(Clone, Debug)]
 pub struct DemoReport {
+    /// The container of the last round.
+    pub container: PathBuf,
     stages: Vec<DemoStage>,
-    lightings: Vec<(String, ImageError)>,
     shape: MatrixShape,
     samples_per_pixel: u32,
     pack: PackReport,
+    errors: [String; 2],
     relit_by: String,
+    lightings: usize,
 }
 
 #[derive(Clone, Debug)]
 struct DemoStage {
-    name: &'static str,
+    name: String,
     seconds: f64,
+    /// Since the beginning.
+    shown_after: f64,
     peak_memory_bytes: Option<u64>,
     bytes: u64,
 }
 
-/// Renders `loaded` into `folder/demo.ltm`, packs it to `folder/demo.ltc`, relights it under four lightings, and writes
-/// an EXR and a PNG of each.
+/// Renders `loaded` in rounds into `folder`: a small first image, then the whole picture with few samples, then with all of them,
+/// each packed as `demo.ltc` and shown as `all-on.png`. Then relights the last under a few lightings, and writes an EXR and a PNG of each.
 ///
 /// # Errors
-/// Those of the stages; an existing `demo.ltm` or `demo.ltc` is replaced.
+/// Those of the stages; an existing `demo.ltc` is replaced.
 pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<DemoReport> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
-    let (matrix_path, container_path) = (folder.join("demo.ltm"), folder.join("demo.ltc"));
-    let mut render_options = RenderOptions::default();
-    render_options.store.overwrite = true;
-    let samples_per_pixel = loaded.settings.samples_per_pixel;
-    let render = super::render(loaded, &matrix_path, &render_options, watch)?;
-
-    let matrix = StoreReader::open(&matrix_path)?;
-    let mut pack_options = PackOptions { denoise: true, ..PackOptions::default() };
-    pack_options.container.overwrite = true;
-    let pack = super::pack(&matrix, matrix.job(), &container_path, &pack_options, watch)?;
-
     let begun = Instant::now();
+    let (container_path, picture_path) = (folder.join(CONTAINER), folder.join(format!("{PICTURE}.png")));
+    let samples_per_pixel = loaded.settings.samples_per_pixel;
+    let mut stages = Vec::new();
+
     let memory = PeakMemory::start();
-    let (names, lightings) = demo_lightings(&matrix.job().basis)?;
+    let first = super::preview(&loaded, &picture_path, watch)?;
+    watch.note(&format!("{}: a first, small image after {:.1} s", picture_path.display(), first.first_secs));
+    let of_first = (first.first_secs, memory.stop());
+    stages.push(DemoStage {
+        name: "first image".into(),
+        seconds: first.seconds,
+        shown_after: of_first.0,
+        peak_memory_bytes: of_first.1,
+        bytes: 0,
+    });
+
+    let mut packed = None;
+    for samples in rounds(samples_per_pixel) {
+        let round = Instant::now();
+        let mut loaded = loaded.clone();
+        loaded.settings.samples_per_pixel = samples;
+        let mut options = PackOptions { denoise: true, ..PackOptions::default() };
+        options.container.overwrite = true;
+        let (_, report) = super::render_packed(loaded, &container_path, &options, watch)?;
+        let container = ContainerReader::open(&container_path)?;
+        let relighter = Relighter::open(&container, RelightOptions::default(), watch)?;
+        let picture = relighter.relight(&Lighting::of_scene(&container.job().basis))?;
+        image::write_png(&picture_path, &picture, 0.9)?;
+        let shown_after = begun.elapsed().as_secs_f64();
+        watch.note(&format!("{}: {samples} samples per pixel, after {shown_after:.1} s", picture_path.display()));
+        stages.push(DemoStage {
+            name: format!("{samples} samples"),
+            seconds: round.elapsed().as_secs_f64(),
+            shown_after,
+            peak_memory_bytes: report.peak_memory_bytes,
+            bytes: report.packed_bytes,
+        });
+        packed = Some(report);
+    }
+    let pack = packed.expect("there is a round");
+
+    let relight = Instant::now();
+    let memory = PeakMemory::start();
     let container = ContainerReader::open(&container_path)?;
+    let basis = &container.job().basis;
+    let named = demo_lightings(basis)?;
+    let lightings: Vec<Lighting> = named.iter().map(|(_, lighting)| lighting.clone()).collect();
     let (images, relit_by) = super::relight(&container, &lightings, RelightOptions::default(), watch)?;
-    for (name, image) in names.iter().zip(&images) {
+    for ((name, _), image) in named.iter().zip(&images) {
         write_images(folder, name, image)?;
     }
-    let relight = (begun.elapsed().as_secs_f64(), memory.stop());
-
-    let begun = Instant::now();
-    let memory = PeakMemory::start();
-    let references = relight_raw(&matrix, &lightings)?;
-    let compare = (begun.elapsed().as_secs_f64(), memory.stop());
-    let errors = images.iter().zip(&references).map(|(image, reference)| image::compare(image, reference));
-    let stage = |name, seconds, peak_memory_bytes, bytes| DemoStage { name, seconds, peak_memory_bytes, bytes };
+    stages.push(DemoStage {
+        name: format!("{} lightings", named.len()),
+        seconds: relight.elapsed().as_secs_f64(),
+        shown_after: begun.elapsed().as_secs_f64(),
+        peak_memory_bytes: memory.stop(),
+        bytes: 0,
+    });
     Ok(DemoReport {
-        stages: vec![
-            stage("render", render.seconds, render.peak_memory_bytes, matrix.tally()?.stored_bytes),
-            stage("pack", pack.seconds, pack.peak_memory_bytes, pack.packed_bytes),
-            stage("relight", relight.0, relight.1, 0),
-            stage("raw product", compare.0, compare.1, 0),
-        ],
-        lightings: names.into_iter().zip(errors).collect(),
-        shape: matrix.job().shape,
+        stages,
+        shape: container.job().shape,
         samples_per_pixel,
+        errors: light_errors_lines(&pack.lights, basis),
         pack,
         relit_by,
+        lightings: named.len(),
+        container: container_path,
     })
+}
+
+/// The samples per pixel of each round, the last being all.
+fn rounds(samples_per_pixel: u32) -> Vec<u32> {
+    let mut rounds = vec![samples_per_pixel];
+    while rounds.len() < MAX_ROUNDS && rounds[0] / GROWTH >= FEWEST_SAMPLES {
+        rounds.insert(0, rounds[0] / GROWTH);
+    }
+    rounds
 }
 
 fn write_images(folder: &Path, name: &str, image: &LinearImage) -> Result<()> {
@@ -93,66 +141,55 @@ fn write_images(folder: &Path, name: &str, image: &LinearImage) -> Result<()> {
     image::write_png(&path("png"), image, 0.9)
 }
 
-/// The demonstration's lightings of the first texelled light: all on; one warm corner; a painted pattern; a spot that
-/// moves, in [`SPOT_FRAMES`] positions. Other lights stay off, but in "all on".
-fn demo_lightings(basis: &LightBasis) -> Result<(Vec<String>, Vec<Lighting>)> {
-    let panel = basis
-        .lights()
-        .iter()
-        .find(|light| light.places.len() > 1)
-        .ok_or_else(|| Error::input("the demonstration", "the scene has no texelled light", "give it one"))?;
-    let emission = panel.emission;
-    let tinted = |rgb: [f32; 3], strength: f32| -> [f32; 3] {
-        std::array::from_fn(|channel| emission[channel] * rgb[channel] * strength)
+/// The demonstration's lightings: all on; of the scene's lights those that its names know as day, evening and the painted panel.
+fn demo_lightings(basis: &LightBasis) -> Result<Vec<(&'static str, Lighting)>> {
+    let scene = Lighting::of_scene(basis);
+    let of_kinds = |name: &'static str, keeps: &dyn Fn(LightKind) -> bool| -> Result<(&'static str, Lighting)> {
+        let dark = basis.lights().iter().filter(|light| !keeps(light.kind));
+        let lighting = dark.map(|light| light.name.as_str()).try_fold(scene.clone(), |l, name| l.with(name, 0.0))?;
+        Ok((name, lighting))
     };
-    let (warm, cool) = ([1.0, 0.62, 0.28], [0.35, 0.6, 1.0]);
-    let mut named = vec![("all-on".to_owned(), Lighting::of_scene(basis))];
-    named.push((
-        "warm-corner".to_owned(),
-        paint(basis, panel, |u, v| if u < 0.3 && v < 0.3 { tinted(warm, 6.0) } else { [0.0; 3] })?,
-    ));
-    named.push((
-        "pattern".to_owned(),
-        paint(basis, panel, |u, v| {
-            let ring = ((u - 0.5).hypot(v - 0.5) * 5.0) as u32;
-            tinted(if ring.is_multiple_of(2) { warm } else { cool }, if ring < 3 { 1.5 } else { 0.6 })
-        })?,
-    ));
-    for frame in 0..SPOT_FRAMES {
-        let angle = std::f32::consts::TAU * frame as f32 / SPOT_FRAMES as f32;
-        let (x, y) = (0.5 + 0.35 * angle.cos(), 0.5 + 0.35 * angle.sin());
-        let spot = paint(basis, panel, |u, v| {
-            let distance = (u - x).hypot(v - y);
-            tinted([1.0; 3], if distance < 0.09 { 20.0 } else { 0.0 })
-        })?;
-        named.push((format!("moving-spot-{}", frame + 1), spot));
-    }
-    Ok(named.into_iter().unzip())
+    let is_sky = |kind| matches!(kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Sun);
+    let is_panel = |kind| matches!(kind, LightKind::AreaTexels { .. });
+    let mut named = vec![(PICTURE, scene.clone())];
+    named.push(of_kinds("day", &is_sky)?);
+    named.push(of_kinds("evening", &|kind| !is_sky(kind) && !is_panel(kind))?);
+    named.push(("painted-panel", painted_panel(basis)?));
+    Ok(named)
 }
 
-/// A lighting that paints one texelled light by its (u, v), texel centres in [0, 1]², and leaves the others off.
-fn paint(basis: &LightBasis, panel: &Light, colour: impl Fn(f32, f32) -> [f32; 3]) -> Result<Lighting> {
+/// Rings of two colours on the first light of several texels that is no sky; the others are off.
+fn painted_panel(basis: &LightBasis) -> Result<Lighting> {
+    let panel = basis.lights().iter().find(|light| matches!(light.kind, LightKind::AreaTexels { .. }));
+    let hint = "give it one";
+    let panel = panel
+        .ok_or_else(|| Error::input("the demonstration", "the scene has no area light of several texels", hint))?;
+    let (warm, cool) = ([1.0, 0.62, 0.28], [0.25, 0.5, 1.0]);
     let (across, down) = panel.layout();
     let mut weights = vec![[0.0; 3]; basis.column_count()];
     for (index, column) in panel.columns().enumerate() {
         let (i, j) = (index as u32 % across, index as u32 / across);
-        weights[column as usize] = colour((i as f32 + 0.5) / across as f32, (j as f32 + 0.5) / down as f32);
+        let place = ((i as f32 + 0.5) / across as f32, (j as f32 + 0.5) / down as f32);
+        let ring = ((place.0 - 0.5).hypot(place.1 - 0.5) * 5.0) as u32;
+        let colour: [f32; 3] = if ring.is_multiple_of(2) { warm } else { cool };
+        weights[column as usize] = std::array::from_fn(|channel| panel.emission[channel] * colour[channel]);
     }
     Lighting::new(weights)
 }
 
 impl fmt::Display for DemoReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<16} {:>8} {:>13} {:>12}", "stage", "seconds", "peak memory", "written")?;
+        writeln!(f, "{:<16} {:>8} {:>11} {:>13} {:>12}", "stage", "seconds", "shown after", "peak memory", "written")?;
         for stage in &self.stages {
             let memory = stage.peak_memory_bytes.map_or("unknown".to_owned(), human_bytes);
             let written = if stage.bytes > 0 { human_bytes(stage.bytes) } else { "-".to_owned() };
-            writeln!(f, "{:<16} {:>8.2} {:>13} {:>12}", stage.name, stage.seconds, memory, written)?;
+            let DemoStage { name, seconds, shown_after, .. } = stage;
+            writeln!(f, "{name:<16} {seconds:>8.2} {shown_after:>11.2} {memory:>13} {written:>12}")?;
         }
         let (shape, pack) = (self.shape, &self.pack);
         writeln!(
             f,
-            "\nmatrix: {} rows × {} columns, {} samples per pixel, f32, {} raw",
+            "\nmatrix: {} rows × {} columns, {} samples per pixel, {} in f32, never stored",
             shape.rows(),
             shape.columns(),
             self.samples_per_pixel,
@@ -160,32 +197,27 @@ impl fmt::Display for DemoReport {
         )?;
         writeln!(
             f,
-            "packed: {}, ratio {:.0}× (mean rank {:.2}, block {side}×{side}, quantised, {} sparse entries), \
-             matrix error {:.4} relative L2",
+            "packed: {}, ratio {:.0}× (mean rank {:.2}, block {side}×{side}, {} sparse entries)",
             human_bytes(pack.packed_bytes),
             pack.raw_bytes as f64 / pack.packed_bytes as f64,
             pack.mean_rank,
             pack.sparse_entries,
-            pack.relative_l2,
             side = shape.block_side(),
         )?;
-        writeln!(f, "relit by: {}\n", self.relit_by)?;
-        writeln!(
-            f,
-            "{:<16} {:>11} {:>10} {:>12} {:>11}",
-            "lighting", "relative L2", "PSNR (dB)", "at peak", "clip (dB)"
-        )?;
-        for (name, error) in &self.lightings {
-            writeln!(
-                f,
-                "{:<16} {:>11.5} {:>10.1} {:>12.3} {:>11.1}",
-                name, error.relative_l2, error.psnr_linear, error.peak, error.psnr_clipped
-            )?;
-        }
-        write!(
-            f,
-            "(packed image against the raw matrix's. PSNR: peak = the raw image's largest value. clip: exposed so that \
-             the raw image's\n 95th luminance percentile is 1, clipped to [0, 1], peak 1.)"
-        )
+        self.errors.iter().try_for_each(|line| writeln!(f, "{line}"))?;
+        write!(f, "relit under {} lightings by: {}", self.lightings, self.relit_by)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounds_grow_to_all_samples() {
+        assert_eq!(rounds(16), [4, 16]);
+        assert_eq!(rounds(8), [2, 8]);
+        assert_eq!(rounds(4), [4]);
+        assert_eq!(rounds(1), [1]);
     }
 }

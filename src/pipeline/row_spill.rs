@@ -1,11 +1,10 @@
 //! Images that wait on disk, between a stage that makes them piece by piece and one that wants them in another order.
 
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::folder_of;
+use crate::files::{PositionedFile, folder_of};
 use crate::matrix::CHANNELS;
 
 /// Images of one size in a file without a name, plane by plane, in 32-bit floats. Any thread may read and write; what was

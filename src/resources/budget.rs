@@ -1,13 +1,12 @@
 //! Keeping a job within the memory and the disk it was given: fewer threads, or a refusal before anything is begun.
 
 use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 use super::Progress;
 use super::memory::available_bytes;
 use crate::error::{Error, Hint, Result};
-use crate::files::{folder_of, free_bytes};
+use crate::files::{allocated_bytes, folder_of, free_bytes};
 
 /// The program itself, its threads and its tables.
 pub(crate) const PROGRAM_BYTES: u64 = 24 << 20;
@@ -53,7 +52,8 @@ impl ResourceEstimate {
     ) -> Result<usize> {
         let threads = self.threads_within(job, budget_bytes)?;
         let folder = folder_of(output);
-        let taken: u64 = there.iter().filter_map(|path| fs::metadata(path).ok()).map(|file| file.blocks() * 512).sum();
+        let taken: u64 =
+            there.iter().filter_map(|path| fs::metadata(path).ok()).map(|file| allocated_bytes(&file)).sum();
         let more = self.disk_bytes.saturating_sub(taken);
         if more > 0 {
             let free = free_bytes(folder)?;
@@ -185,7 +185,7 @@ mod tests {
         assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains("of disk"), "{error}");
         fs::write(&partial, vec![1; 1 << 22]).unwrap();
         fs::File::open(&partial).unwrap().sync_all().unwrap();
-        assert!(fs::metadata(&partial).unwrap().blocks() * 512 >= 1 << 22);
+        assert!(allocated_bytes(&fs::metadata(&partial).unwrap()) >= 1 << 22);
     }
 
     #[test]

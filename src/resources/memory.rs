@@ -12,12 +12,28 @@ const UNLIMITED: u64 = 1 << 60;
 /// `root` is the folder that `/proc` and `/sys` lie in: `/`, but for tests.
 pub(super) fn available_bytes(root: &Path) -> Option<u64> {
     let groups = fs::read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
-    groups.lines().flat_map(|line| left_in_group(root, line)).chain(left_in_system(root)).min()
+    groups.lines().flat_map(|line| left_in_group(root, line)).chain(of_system(root, "MemAvailable:")).min()
 }
 
-fn left_in_system(root: &Path) -> Option<u64> {
+/// Memory of the machine, as far as the system tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MachineMemory {
+    /// All that there is.
+    pub total_bytes: Option<u64>,
+    /// What this process could have now without swapping, within the limits of the container that it runs in.
+    pub available_bytes: Option<u64>,
+}
+
+/// The memory of this machine now. Linux tells; of other systems nothing is known.
+pub fn machine_memory() -> MachineMemory {
+    let root = Path::new("/");
+    MachineMemory { total_bytes: of_system(root, "MemTotal:"), available_bytes: available_bytes(root) }
+}
+
+/// A line of the system's own account.
+fn of_system(root: &Path, name: &str) -> Option<u64> {
     let text = fs::read_to_string(root.join("proc/meminfo")).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
     Some(kibibytes * 1024)
 }

@@ -42,6 +42,7 @@ mod threads;
 pub(crate) use budget::PROGRAM_BYTES;
 pub(crate) use budget::ResourceEstimate;
 pub use budget::{budget_bytes, hold_to_memory, human_bytes, parse_bytes};
+pub use memory::{MachineMemory, machine_memory};
 pub use memory_need::MemoryNeed;
 pub(crate) use memory_need::{Held, PerThread};
 pub use peak::PeakMemory;

@@ -81,6 +81,34 @@ impl Assembly {
         self.light(Emitter::Area(emitter), panel.light(name, emission))
     }
 
+    /// Appends a mesh and makes it a lamp of one column, in units of radiance. `place` is its centre.
+    pub(super) fn lamp(
+        &mut self,
+        name: &str,
+        shape: shapes::TriangleList,
+        material: MaterialId,
+        (place, emission): (Vec3, [f32; 3]),
+    ) -> Result<()> {
+        let first = self.mesh.triangles.len() as u32;
+        self.add(shape, material);
+        let triangles: Vec<u32> = (first..self.mesh.triangles.len() as u32).collect();
+        let area = triangles.iter().map(|&index| {
+            let [a, b, c] = self.mesh.corners(&self.mesh.triangles[index as usize]);
+            0.5 * (b - a).cross(c - a).length()
+        });
+        let light = Light {
+            name: name.into(),
+            kind: LightKind::Lamp,
+            unit: LightUnit::Radiance,
+            emission,
+            first_column: 0,
+            places: vec![place.into()],
+            extents: vec![area.sum()],
+        };
+        let emitter = AreaEmitter { triangles, layout: AreaLayout::Whole, two_sided: false, pattern: None };
+        self.light(Emitter::Area(emitter), light)
+    }
+
     /// Appends an environment of which every texel is a column, in units of radiance.
     pub(super) fn environment(
         &mut self,

@@ -22,6 +22,7 @@ mod cube_map;
 mod emitter;
 mod file;
 mod folders;
+mod furnished_room;
 mod gltf;
 mod import;
 mod lens;
@@ -54,6 +55,7 @@ pub use content::content_hash;
 pub use emitter::{
     AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter, SpotCone, SunPlaces,
 };
+pub use furnished_room::furnished_room;
 pub use lens::Lens;
 pub use load::{LoadOptions, grid_names, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings};
@@ -101,4 +103,11 @@ pub struct Scene {
     pub basis: LightBasis,
     /// Metres per scene unit, 0 where unknown.
     pub metres_per_unit: f32,
+}
+
+impl Scene {
+    /// Whether what pixels show beside light is traced with them: one sample of a pixel has no halves, and sensors see no surface.
+    pub fn has_planes(&self, samples_per_pixel: u32) -> bool {
+        samples_per_pixel > 1 && self.sensors.is_none()
+    }
 }

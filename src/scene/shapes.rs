@@ -84,6 +84,33 @@ pub(super) fn ball(centre: Vec3, radius: f32, levels: u32) -> TriangleList {
     TriangleList { vertices: points.into_iter().map(vertex).collect(), triangles }
 }
 
+/// A surface of revolution about the vertical through `foot`: `profile` has (radius, height above the foot) from one end to the other, and
+/// the front is to the right of its way, seen with the axis at the left: outwards where it leads up. Smooth around, with edges between the
+/// pieces of the profile.
+pub(super) fn turned(foot: Vec3, profile: &[(f32, f32)], sides: u32) -> TriangleList {
+    let mut shape = TriangleList::default();
+    for piece in profile.windows(2) {
+        let [(lower, begin), (upper, end)] = [piece[0], piece[1]];
+        let slope = Vec2::new(end - begin, lower - upper).normalize_or_zero();
+        let first = shape.vertices.len() as u32;
+        for side in 0..=sides {
+            let (sin, cos) = (std::f32::consts::TAU * (side % sides) as f32 / sides as f32).sin_cos();
+            let normal = Vec3::new(slope.x * cos, slope.y, slope.x * sin);
+            for (radius, height, v) in [(lower, begin, 0.0), (upper, end, 1.0)] {
+                let position = foot + Vec3::new(radius * cos, height, radius * sin);
+                shape.vertices.push(Vertex { position, normal, uv: Vec2::new(side as f32 / sides as f32, v) });
+            }
+        }
+        for side in 0..sides {
+            let [a, b, d, c] = std::array::from_fn(|corner| first + 2 * side + corner as u32);
+            // At the axis one of the two triangles has no area.
+            shape.triangles.extend((upper > 0.0).then_some([a, b, c]));
+            shape.triangles.extend((lower > 0.0).then_some([a, c, d]));
+        }
+    }
+    shape
+}
+
 /// The faces of an icosahedron are the triples of its corners that are mutually nearest.
 fn icosahedron_faces(points: &[Vec3]) -> Vec<[u32; 3]> {
     // Neighbours have a cosine of 1/√5 ≈ 0.447, the next nearest −0.447.
@@ -130,5 +157,18 @@ mod tests {
         let ball = 4.0 / 3.0 * std::f32::consts::PI * 8.0;
         // An inscribed polyhedron of 5,120 faces is 0.4 % smaller than its ball.
         assert!((volume(&shape) / ball - 1.0).abs() < 0.005, "{}", volume(&shape));
+    }
+
+    #[test]
+    fn a_turned_shape_is_closed_at_its_axis_and_faces_outwards() {
+        let foot = Vec3::new(1.0, 2.0, 3.0);
+        let cone = turned(foot, &[(0.0, 0.0), (1.0, 0.0), (0.0, 3.0)], 512);
+        // A polygon of 512 sides is 2.5e-5 smaller than its circle.
+        assert!((volume(&cone) - std::f32::consts::PI).abs() < 1e-3, "{}", volume(&cone));
+        for triangle in &cone.triangles {
+            let [a, b, c] = triangle.map(|i| &cone.vertices[i as usize]);
+            let front = (b.position - a.position).cross(c.position - a.position);
+            assert!([a, b, c].iter().all(|vertex| vertex.normal.dot(front) > 0.0));
+        }
     }
 }

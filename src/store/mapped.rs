@@ -2,12 +2,11 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::MetadataExt;
+use std::time::SystemTime;
 
-use memmap2::Advice;
-
-use super::guard::GuardedMap;
-use super::{Access, FileStorage, Storage};
+use super::access::Access;
+use super::system::{self, GuardedMap};
+use super::{FileStorage, Storage};
 
 /// A file for reading that lends its bytes from a memory map, without a copy if its pages are cached. Reads into a
 /// caller's buffer are positioned, which is faster than copying from a map (decision 41).
@@ -22,14 +21,14 @@ pub struct MappedStorage {
     opened: Option<Stamp>,
 }
 
-/// What changes when a file is written to or cut: its length, and when it was last written, in seconds and nanoseconds.
+/// What changes when a file is written to or cut: its length, and when it was last written.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Stamp(u64, i64, i64);
+struct Stamp(u64, SystemTime);
 
 impl Stamp {
     fn of(file: &File) -> io::Result<Self> {
         let metadata = file.metadata()?;
-        Ok(Self(metadata.len(), metadata.mtime(), metadata.mtime_nsec()))
+        Ok(Self(metadata.len(), metadata.modified()?))
     }
 }
 
@@ -40,12 +39,11 @@ impl MappedStorage {
     /// The system does not tell the file's length.
     pub fn new(file: File, access: Access) -> io::Result<Self> {
         let opened = Some(Stamp::of(&file)?);
-        let map = if is_local(&file) { GuardedMap::new(&file).ok() } else { None };
+        let map = if system::is_local(&file) { GuardedMap::new(&file).ok() } else { None };
         let file = FileStorage::new(file);
         file.will_read(access);
         if let Some(map) = &map {
-            // Sequential advice makes the kernel read ahead farther (decision 41).
-            map.advise(if access == Access::Blocks { Advice::Sequential } else { Advice::Random });
+            map.will_be_read(access);
         }
         Ok(Self { file, map, opened })
     }
@@ -59,27 +57,6 @@ impl MappedStorage {
     pub fn is_mapped(&self) -> bool {
         self.map.is_some()
     }
-}
-
-/// Whether a file's pages come from a disk of this machine, as far as the system tells.
-fn is_local(file: &File) -> bool {
-    // As <linux/magic.h> and the file systems' own headers have them: NFS, SMB 1 and CIFS, SMB 2 and 3, 9P, FUSE, Ceph,
-    // AFS, Coda, Lustre, GFS2, OCFS2.
-    const REMOTE: [u32; 12] = [
-        0x6969,
-        0x517b,
-        0xff53_4d42,
-        0xfe53_4d42,
-        0x0102_1997,
-        0x6573_5546,
-        0x00c3_6400,
-        0x5346_414f,
-        0x7375_7245,
-        0x0bd0_0bd0,
-        0x0116_1970,
-        0x7461_636f,
-    ];
-    rustix::fs::fstatfs(file).is_ok_and(|volume| !REMOTE.contains(&(volume.f_type as u32)))
 }
 
 impl Storage for MappedStorage {

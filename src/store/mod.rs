@@ -64,7 +64,7 @@
 //! # Ok::<(), ltm::Error>(())
 //! ```
 
-mod guard;
+mod access;
 mod header;
 mod layout;
 mod mapped;
@@ -77,11 +77,13 @@ mod reader;
 mod record;
 mod space;
 mod storage;
+mod system;
 mod tile;
 mod tile_writer;
 mod verify;
 mod writer;
 
+pub use access::Access;
 pub use header::{HEADER_FIELDS, MAGIC, VERSION};
 pub use layout::{PAGE_BYTES, RECORD_BYTES, Requirements, StoreLayout, requirements, requirements_of};
 pub use mapped::MappedStorage;
@@ -91,7 +93,7 @@ pub use place::{check_output, partial_path};
 pub use precision::Precision;
 pub use reader::{StoreCounts, StoreReader};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED, RECORD_FIELDS};
-pub use storage::{Access, FileStorage, Storage};
+pub use storage::{FileStorage, Storage};
 pub use verify::{BlockDamage, Mending, VerifyReport, mend, verify, verify_storage};
 pub use writer::{StoreSummary, StoreWriter};
 

@@ -2,21 +2,10 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 
-use rustix::fs::{Advice, FallocateFlags};
-use rustix::io::Errno;
-
-/// The access pattern to expect.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Access {
-    /// Whole blocks, for packing and relighting: the system reads ahead.
-    #[default]
-    Blocks,
-    /// A few columns of a block: it does not, for most of what it would read is not wanted.
-    Columns,
-}
+use super::access::Access;
+use super::system;
+use crate::files::PositionedFile;
 
 /// What the store asks of a file. Tests put storages in between that fail, tear, freeze and count.
 pub trait Storage: Send + Sync {
@@ -172,8 +161,7 @@ impl FileStorage {
 
     /// Says what will be read of it.
     pub(super) fn will_read(&self, access: Access) {
-        let advice = if access == Access::Blocks { Advice::Sequential } else { Advice::Random };
-        let _ = rustix::fs::fadvise(&self.file, 0, None, advice);
+        system::will_read(&self.file, access);
     }
 }
 
@@ -199,39 +187,26 @@ impl Storage for FileStorage {
     }
 
     fn reserve(&self, offset: u64, length: u64) -> io::Result<()> {
-        match rustix::fs::fallocate(&self.file, FallocateFlags::empty(), offset, length) {
-            Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS) => Ok(()),
-            Err(error) => Err(error.into()),
-        }
+        system::reserve(&self.file, offset, length)
     }
 
     fn clear(&self, offset: u64, length: u64) -> io::Result<()> {
-        if length == 0 {
+        if length == 0 || system::clears(&self.file, offset, length)? {
             return Ok(());
         }
-        let punch = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-        match rustix::fs::fallocate(&self.file, punch, offset, length) {
-            Ok(()) => Ok(()),
-            Err(Errno::OPNOTSUPP | Errno::NOSYS) => overwrite_with_zeros(self, offset, length),
-            Err(error) => Err(error.into()),
-        }
+        overwrite_with_zeros(self, offset, length)
     }
 
     fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
-        match rustix::fs::seek(&self.file, rustix::fs::SeekFrom::Data(offset)) {
-            Ok(data) => Ok(Some(data)),
-            Err(Errno::NXIO) => Ok(None),
-            Err(_) => Ok((offset < self.length()?).then_some(offset)),
-        }
+        system::next_data(&self.file, offset)
     }
 
     fn expect(&self, offset: u64, length: u64) {
-        let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::WillNeed);
+        system::expect(&self.file, offset, length);
     }
 
     fn release(&self, offset: u64, length: u64) {
-        // Advice: without it the bytes are the same.
-        let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::DontNeed);
+        system::release(&self.file, offset, length);
     }
 }
 

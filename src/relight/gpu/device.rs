@@ -33,14 +33,32 @@ impl GpuAdapter {
     /// [`Error::NoGpu`] without a loader or an adapter.
     pub fn find() -> Result<Self> {
         let info = find_adapter()?.get_info();
-        Ok(Self { name: name_of(&info), is_software: is_software(&info) })
+        Ok(Self::of(&info))
+    }
+
+    /// Every adapter, each with its driver's name and version in the driver's own words.
+    pub fn all() -> Vec<(Self, String)> {
+        let adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
+        let described = |info: wgpu::AdapterInfo| {
+            let driver = format!("{} {}", info.driver, info.driver_info).trim().to_owned();
+            (Self::of(&info), driver)
+        };
+        adapters.iter().map(|adapter| described(adapter.get_info())).collect()
+    }
+
+    fn of(info: &wgpu::AdapterInfo) -> Self {
+        Self { name: name_of(info), is_software: is_software(info) }
     }
 }
 
-fn find_adapter() -> Result<wgpu::Adapter> {
+fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::PRIMARY;
-    let instance = wgpu::Instance::new(descriptor);
+    wgpu::Instance::new(descriptor)
+}
+
+fn find_adapter() -> Result<wgpu::Adapter> {
+    let instance = instance();
     let options =
         wgpu::RequestAdapterOptions { power_preference: wgpu::PowerPreference::HighPerformance, ..Default::default() };
     pollster::block_on(instance.request_adapter(&options))

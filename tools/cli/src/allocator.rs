@@ -1,19 +1,18 @@
 //! The programs' allocator.
 
-use std::alloc::{GlobalAlloc, Layout};
+use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Write;
-
-#[cfg(not(feature = "jemalloc"))]
-use std::alloc::System as Inner;
-#[cfg(feature = "jemalloc")]
-use tikv_jemallocator::Jemalloc as Inner;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console::{end_at_once, write_unlocked};
 
 /// Exit code of a program that the system refuses memory: that of [`ltm::Error::Resources`].
 const NO_MEMORY: i32 = 6;
 
-/// Keeps the programs within the memory that they state, with an allocator chosen in decision 44.
+/// Bytes from which a piece of memory is the system's own again once it is freed.
+const MAPPED_FROM: usize = 128 << 10;
+
+/// Keeps the programs within the memory that they state (decisions 44 and 81): the system's allocator, told to give large pieces back.
 ///
 /// Where the system refuses memory all the same (`ulimit -v` counts what is only reserved), it ends the program with one
 /// line and the exit code of memory: Rust would abort, with a trace. Files survive a program that ends at any instant.
@@ -26,23 +25,40 @@ static ALLOCATOR: Ending = Ending;
 // SAFETY: every call is passed on as it came, and what comes back is passed back, unless the program ends.
 unsafe impl GlobalAlloc for Ending {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        give_back_large_pieces(layout.size());
         // SAFETY: the caller keeps to the contract of `alloc`, which is that of the allocator within.
-        given(unsafe { Inner.alloc(layout) }, layout.size())
+        given(unsafe { System.alloc(layout) }, layout.size())
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        give_back_large_pieces(layout.size());
         // SAFETY: as above.
-        given(unsafe { Inner.alloc_zeroed(layout) }, layout.size())
+        given(unsafe { System.alloc_zeroed(layout) }, layout.size())
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
         // SAFETY: as above; the pointer is one that the allocator within gave.
-        given(unsafe { Inner.realloc(pointer, layout, bytes) }, bytes)
+        given(unsafe { System.realloc(pointer, layout, bytes) }, bytes)
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         // SAFETY: as above.
-        unsafe { Inner.dealloc(pointer, layout) }
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+/// Tells glibc, before it is asked for the first large piece, to map each by itself for good. Left alone, it keeps what was freed and
+/// raises the bound with it, so that blocks come to lie between small pieces that live on, and their memory never returns.
+fn give_back_large_pieces(bytes: usize) {
+    static TOLD: AtomicBool = AtomicBool::new(false);
+    if bytes < MAPPED_FROM || TOLD.load(Ordering::Relaxed) || TOLD.swap(true, Ordering::Relaxed) {
+        return;
+    }
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[expect(unsafe_code, reason = "the C library's allocator is set through its own interface only")]
+    // SAFETY: a call with a parameter and a value of the C library's own; it locks what it changes.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_FROM as libc::c_int);
     }
 }
 

@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 
 use super::display::{Display, Shown};
 use super::export::write_png;
+use super::system;
 use ltm::error::{Error, Result};
 use ltm::files::Replacement;
 use ltm::image::LinearImage;
@@ -84,9 +85,9 @@ fn numbered(path: &Path, count: usize) -> Vec<PathBuf> {
 
 /// The encoder on the path, if there is one that may be run.
 fn encoder() -> Option<PathBuf> {
-    use rustix::fs::{Access, access};
-    let is_program = |path: &PathBuf| path.is_file() && access(path, Access::EXEC_OK).is_ok();
-    std::env::split_paths(&std::env::var_os("PATH")?).map(|folder| folder.join(ENCODER)).find(is_program)
+    std::env::split_paths(&std::env::var_os("PATH")?)
+        .map(|folder| folder.join(ENCODER))
+        .find(|path| system::is_program(path))
 }
 
 /// Hands pictures of one size to the encoder one by one; the video takes its name when it is whole.

@@ -9,6 +9,7 @@ use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::image::{LinearImage, write_exr, write_exr_layers, write_rgb_png, write_toned_png};
 use ltm::relight::{CpuRelighter, relight_streaming};
+use ltm_cli::shell::word;
 
 /// Largest file of layers that is made in memory, in bytes.
 const MAX_LAYER_BYTES: u64 = 4 << 30;
@@ -91,8 +92,8 @@ pub fn command_line(
     lumens_per_watt: Option<f32>,
 ) -> String {
     let tone = display.tone;
-    let mut words = vec!["ltm".to_owned(), "relight".into(), shell_word(container), "--lighting".into()];
-    words.extend([shell_word(look), "-o".into(), shell_word(png)]);
+    let mut words = vec!["ltm".to_owned(), "relight".into(), word(container), "--lighting".into()];
+    words.extend([word(look), "-o".into(), word(png)]);
     if let (true, Some(gain)) = (display.false_colour, lumens_per_watt) {
         let (low, high) = display.luminance_range();
         words.extend(["--false-colour=luminance".into(), format!("--scale={:?}..{:?}", low * gain, high * gain)]);
@@ -103,13 +104,6 @@ pub fn command_line(
     words.push(format!("--tone={}", if name == "sRGB" { "none".into() } else { name.to_lowercase() }));
     words.extend(tone.white_kelvin.map(|kelvin| format!("--white-balance={kelvin:?}")));
     words.join(" ")
-}
-
-/// A path as a word of a POSIX shell.
-fn shell_word(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:@%,".contains(c);
-    if !text.is_empty() && text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// What stands in a file that can be exported, under the name with its ending.

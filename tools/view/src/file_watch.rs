@@ -1,10 +1,11 @@
 //! Whether the open file is still the one that was opened.
 
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
+
+use crate::system;
 
 /// Interval at which the file is checked.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -21,11 +22,11 @@ pub enum FileChange {
 }
 
 /// What tells one version of a file from another: device, number, bytes, time of writing.
-type Version = Option<(u64, u64, u64, i64, i64)>;
+type Version = Option<((u64, u64), u64, SystemTime)>;
 
 fn version(path: &Path) -> Version {
     let at = std::fs::metadata(path).ok()?;
-    Some((at.dev(), at.ino(), at.len(), at.mtime(), at.mtime_nsec()))
+    Some((system::number(&at), at.len(), at.modified().ok()?))
 }
 
 /// Looks at a file from time to time, on a thread that ends with this.

@@ -31,6 +31,7 @@ pub mod sheet;
 pub mod snapshots;
 pub mod sun;
 pub mod surfaces;
+mod system;
 #[cfg(test)]
 mod test_lights;
 pub mod unsaved;

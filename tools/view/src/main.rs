@@ -11,6 +11,7 @@ use ltm::resources::parse_bytes;
 use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 use ltm_cli::console::{EXIT_CODES, finish, use_threads};
+use ltm_cli::documentation;
 use ltm_cli::words::parse_size;
 use ltm_view::live::LiveChoices;
 use ltm_view::{RelightOn, WindowOptions};
@@ -91,7 +92,7 @@ enum DeviceName {
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn main() -> ExitCode {
-    finish("ltm view", run(Arguments::parse()))
+    finish("ltm view", run(documentation::parse("ltm-view")))
 }
 
 fn run(options: Arguments) -> Result<()> {

@@ -1,12 +1,13 @@
 //! Work that no file has yet, written down as it goes, so that a window which ends by force loses none of it.
 
 use std::fs::{self, File};
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ltm::error::{Error, Result};
 use ltm::files::{open_locked, write_file};
+
+use crate::system;
 
 /// Folder of all unsaved work, in the state folder.
 const FOLDER: &str = "unsaved";
@@ -51,7 +52,7 @@ impl Unsaved {
                 Err(error) => return Err(Error::io(&folder, "create the folder")(error)),
             }
             let lock = open_locked(&folder.join(LOCK), true)?;
-            write_file(&folder.join(CONTAINER), true, container.as_os_str().as_bytes())?;
+            write_file(&folder.join(CONTAINER), true, &system::bytes_of(container.as_os_str()))?;
             return Ok(Self { folder, _lock: lock });
         }
         Err(Error::input(all.display().to_string(), "is full of unsaved work", "remove what is not needed there"))
@@ -76,7 +77,7 @@ impl LeftBehind {
         let folders = fs::read_dir(state_folder.join(FOLDER)).ok()?;
         let found = folders.filter_map(|entry| {
             let folder = entry.ok()?.path();
-            let of = PathBuf::from(std::ffi::OsString::from_vec(fs::read(folder.join(CONTAINER)).ok()?));
+            let of = PathBuf::from(system::path_of(fs::read(folder.join(CONTAINER)).ok()?)?);
             let written = fs::metadata(folder.join(LOOK)).and_then(|look| look.modified()).ok()?;
             (of == container).then_some((written, folder))
         });

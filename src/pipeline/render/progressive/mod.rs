@@ -114,10 +114,10 @@ impl ProgressiveRender {
     /// tracer; memory or disk that do not suffice; another process that renders to `path`; [`Error::Interrupted`].
     pub fn begin(loaded: LoadedScene, path: &Path, options: PackOptions, watch: &dyn Progress) -> Result<Self> {
         let begun = Instant::now();
-        let LoadedScene { scene, settings, content, name, .. } = loaded;
+        let LoadedScene { scene, settings, content, .. } = loaded;
         if scene.sensors.is_some() {
             let problem = "shows sensors, which have no picture to begin with";
-            return Err(Error::input(name, problem, "render it without a window, or choose a camera"));
+            return Err(Error::input(scene.name, problem, "render it without a window, or choose a camera"));
         }
         let camera = scene.camera;
         let job = job_of_scene(&scene, &settings, content)?;

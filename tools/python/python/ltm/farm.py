@@ -21,6 +21,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -62,9 +63,10 @@ class BuildError(Exception):
 
 
 def _program(program: str | None) -> str:
-    found = program or os.environ.get("LTM") or shutil.which("ltm")
+    # The wheel puts the programs where Python's own are, which need not be on the path.
+    found = program or os.environ.get("LTM") or shutil.which("ltm") or shutil.which("ltm", path=sysconfig.get_path("scripts"))
     if not found:
-        raise FileNotFoundError("the program ltm is not on the PATH; install it (cargo install --path tools/cli), or say where it is in LTM")
+        raise FileNotFoundError("the program ltm is not on the PATH; install it (pip install ltm has it), or say where it is in LTM")
     return found
 
 

@@ -632,11 +632,12 @@ fn near(document: &Document, purpose: Purpose) -> PathBuf {
     }
 }
 
+/// Memory of a machine that does not tell, in bytes: little enough for any that has a window.
+const UNKNOWN_MEMORY: u64 = 4 << 30;
+
 /// Half of the machine's memory, in bytes.
 fn half_the_memory() -> u64 {
-    let system = rustix::system::sysinfo();
-    // Machines differ in the width of both.
-    (system.totalram as u64).saturating_mul(u64::from(system.mem_unit)) / 2
+    ltm::resources::machine_memory().total_bytes.unwrap_or(UNKNOWN_MEMORY) / 2
 }
 
 /// Hint on what dropping a file would do.

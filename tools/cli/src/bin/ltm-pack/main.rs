@@ -17,7 +17,7 @@ use ltm::{Error, Result};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
 use ltm_cli::words::in_flags;
-use ltm_cli::{names, say};
+use ltm_cli::{documentation, names, say};
 
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
 /// container (.ltc).
@@ -111,7 +111,7 @@ fn parse_texels(text: &str) -> std::result::Result<(u32, u32), String> {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments: Arguments = documentation::parse("ltm-pack");
     let console = Console::new();
     console::finish("ltm-pack", run(&arguments, &console))
 }

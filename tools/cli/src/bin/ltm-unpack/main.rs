@@ -11,7 +11,7 @@ use ltm::resources::{PeakMemory, human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::console::{self, Console, EXIT_CODES};
-use ltm_cli::say;
+use ltm_cli::{documentation, say};
 
 /// Take a container (.ltc) or a stored matrix (.ltm) apart: into one image for each light, an array, one relit image, or a
 /// stored matrix, multiplied out or a part.
@@ -80,7 +80,7 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments: Arguments = documentation::parse("ltm-unpack");
     let console = Console::new();
     console::finish("ltm-unpack", run(&arguments, &console))
 }

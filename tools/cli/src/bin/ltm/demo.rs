@@ -1,5 +1,6 @@
 //! `ltm demo`.
 
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,40 +8,47 @@ use ltm::Result;
 use ltm::pipeline::demo::demo;
 
 use crate::input::Overrides;
+use crate::sibling;
 use ltm_cli::console::Console;
 use ltm_cli::words::parse_size;
-
-/// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
-const DEMO_SAMPLES: u32 = 256;
+use ltm_cli::{say, shell};
 
 #[derive(Args)]
 pub(crate) struct Demo {
     /// Folder for the results.
     #[arg(long, default_value = "out")]
     out: PathBuf,
-    /// Samples per pixel [default: 256].
+    /// Samples per pixel [default: 16].
     #[arg(long)]
     samples: Option<u32>,
-    /// Image size, WIDTHxHEIGHT [default: the embedded scene's own].
+    /// Image size, WIDTHxHEIGHT [default: 1280x720].
     #[arg(long, value_parser = parse_size)]
     size: Option<(u32, u32)>,
+    /// Do not open the window at the end, which is done on a terminal that has a display.
+    #[arg(long)]
+    no_window: bool,
 }
 
-impl Default for Demo {
-    fn default() -> Self {
-        Self { out: "out".into(), samples: None, size: None }
-    }
-}
-
-pub(crate) fn run(options: &Demo, console: &Console) -> Result<()> {
-    let samples = options.samples.or(Some(DEMO_SAMPLES));
-    let loaded = Overrides { samples, size: options.size, seed: None }.of(ltm::scene::built_in());
-    let report = demo(loaded, &options.out, console)?;
+pub(crate) fn run(options: &Demo, threads: Option<usize>, console: &Console) -> Result<()> {
+    let overrides = Overrides { samples: options.samples, size: options.size, seed: None };
+    let report = demo(overrides.of(ltm::scene::furnished_room()), &options.out, console)?;
     let out = options.out.display();
     println!("{report}\n");
-    println!("The images are in {out}/. Next:");
-    println!("  ltm info {out}/demo.ltc                       what the container is");
-    println!("  ltm relight {out}/demo.ltc -o relit.png       relight it in milliseconds");
-    println!("  ltm render SCENE.toml                     your own scene; formats/scene.md says how to write one");
+    let container = shell::word(&report.container);
+    say!("The images are in {out}/. Next:");
+    say!("  ltm view {container}                     mix its lights in a window");
+    say!("  ltm relight {container} -o relit.png     relight it in milliseconds");
+    say!("  ltm                                      in a folder of yours: what can be done with its files");
+    if !options.no_window && has_display() && sibling::is_installed("ltm-view") {
+        say!("Opening the window (ltm demo --no-window leaves it out).");
+        return sibling::run("ltm-view", threads, &sibling::Arguments::of([report.container.into()]));
+    }
     Ok(())
+}
+
+/// Whether somebody sits before this who could see a window.
+fn has_display() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let has_desktop = cfg!(any(windows, target_os = "macos")) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
+    has_desktop && std::io::stdout().is_terminal()
 }

@@ -2,9 +2,12 @@
 
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
+mod completions;
 mod daylight;
 mod demo;
+mod doctor;
 mod farm;
+mod first_steps;
 mod info;
 mod input;
 mod maintain;
@@ -16,15 +19,17 @@ mod share;
 mod sibling;
 mod verify;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use ltm::Result;
 use ltm_cli::console::{self, Console, EXIT_CODES};
+use ltm_cli::documentation;
 
 /// Light transport matrices: trace a scene once, then relight it at once.
 ///
-/// Without a command, runs the demonstration into the folder `out`.
+/// Without a command, says what can be done next with the files of this folder.
 #[derive(Parser)]
 #[command(version, after_help = EXIT_CODES)]
 struct Arguments {
@@ -40,7 +45,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render, pack and relight the embedded room, and print what it cost and what it lost.
+    /// Render, pack, relight and show a furnished room, and print what it cost and what it lost.
     #[command(after_help = "Example: ltm demo --out room --samples 16")]
     Demo(demo::Demo),
     /// Render a scene file into a stored matrix (.ltm). An interrupted render is continued by the same command.
@@ -111,18 +116,26 @@ one is missing, after a line FIRST..END for each range to build. Examples:
     /// Measure what the program reaches: each study writes CSV, a plot and a table. A program of its own, ltm-study.
     #[command(disable_help_flag = true)]
     Study(sibling::Arguments),
+    /// Print the machine, its GPU, what the programs find of it, and what is missing for what: for a report of a fault.
+    Doctor,
+    /// Print a shell's completions of ltm and of the programs beside it.
+    #[command(after_help = "Examples:
+  source <(ltm completions bash)             in ~/.bashrc; in ~/.zshrc with zsh, after compinit
+  ltm completions fish > ~/.config/fish/completions/ltm.fish")]
+    Completions(completions::Completions),
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments: Arguments = documentation::parse("ltm");
     let console = Console::new().telling(arguments.progress);
     console::finish("ltm", run(arguments, &console))
 }
 
 fn run(arguments: Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
-    match arguments.command.unwrap_or_else(|| Command::Demo(demo::Demo::default())) {
-        Command::Demo(options) => demo::run(&options, console),
+    let Some(command) = arguments.command else { return first_steps::run(Path::new(".")) };
+    match command {
+        Command::Demo(options) => demo::run(&options, arguments.threads, console),
         Command::Render(options) => render::run(&options, console),
         Command::Plan(options) => plan::run(&options, console),
         Command::Build(options) => farm::build(&options, console),
@@ -135,5 +148,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Repair(options) => maintain::repair(&options, console),
         Command::Merge(options) => maintain::merge(&options, console),
         Command::Study(options) => sibling::run("ltm-study", arguments.threads, &options),
+        Command::Doctor => doctor::run(),
+        Command::Completions(options) => completions::run(&options),
     }
 }

@@ -15,10 +15,36 @@ pub(crate) struct Arguments {
     rest: Vec<OsString>,
 }
 
-/// Runs `program` in place of this one: the one beside this program if there is one, else the one on the search path.
+impl Arguments {
+    /// These.
+    pub(crate) fn of(rest: impl IntoIterator<Item = OsString>) -> Self {
+        Self { rest: rest.into_iter().collect() }
+    }
+}
+
+/// Whether a program of ours is there, beside this one or on the search path.
+pub(crate) fn is_installed(program: &str) -> bool {
+    let place = place_of(program);
+    let found = |folder: PathBuf| folder.join(&place).is_file();
+    place.is_absolute() || std::env::var_os("PATH").is_some_and(|path| std::env::split_paths(&path).any(found))
+}
+
+/// Where a program of ours lies: beside this one if it is there, else its bare name, for the search path.
+pub(crate) fn place_of(program: &str) -> PathBuf {
+    let name = format!("{program}{}", std::env::consts::EXE_SUFFIX);
+    let beside = std::env::current_exe().ok().map(|path| path.with_file_name(name));
+    beside.filter(|path| path.is_file()).unwrap_or_else(|| PathBuf::from(program))
+}
+
+/// What to do where a program of ours is missing.
+pub(crate) fn how_to_install(program: &str) -> String {
+    let folder = if program == "ltm-view" || program == "ltm-study" { &program[4..] } else { "cli" };
+    format!("pip install ltm has it; from source: cargo install --path tools/{folder}")
+}
+
+/// Runs `program` in place of this one, see [`place_of`].
 pub(crate) fn run(program: &str, threads: Option<usize>, arguments: &Arguments) -> Result<()> {
-    let beside = std::env::current_exe().ok().map(|path| path.with_file_name(program));
-    let found = beside.filter(|path| path.is_file()).unwrap_or_else(|| PathBuf::from(program));
+    let found = place_of(program);
     let mut command = Command::new(&found);
     command.args(&arguments.rest);
     if let Some(threads) = threads {
@@ -26,14 +52,9 @@ pub(crate) fn run(program: &str, threads: Option<usize>, arguments: &Arguments) 
     }
     let failed = replace_this_program(command)?;
     match failed.kind() {
-        std::io::ErrorKind::NotFound => Err(Error::input(
-            program,
-            "this program is not installed",
-            format!(
-                "build it with: cargo build --release -p {program} (or cargo install --path tools/{})",
-                &program[4..]
-            ),
-        )),
+        std::io::ErrorKind::NotFound => {
+            Err(Error::input(program, "this program is not installed", how_to_install(program)))
+        }
         _ => Err(Error::io(found, "start")(failed)),
     }
 }

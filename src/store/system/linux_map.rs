@@ -16,6 +16,8 @@ use std::sync::{Once, OnceLock};
 
 use memmap2::{Advice, Mmap, UncheckedAdvice};
 
+use crate::store::access::Access;
+
 /// Maps that may be open at a time; beyond that files are read without.
 const MAX_MAPS: usize = 64;
 /// Bytes before and after a touched page that the system maps with it, if they are in memory (Linux: `fault_around_bytes`).
@@ -43,7 +45,7 @@ static PAGE: AtomicUsize = AtomicUsize::new(4096);
 static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
 
 /// A file mapped for reading, as long as it was then.
-pub(super) struct GuardedMap {
+pub(in crate::store) struct GuardedMap {
     map: Mmap,
     slot: &'static Slot,
 }
@@ -53,7 +55,7 @@ impl GuardedMap {
     ///
     /// # Errors
     /// The system refuses, or too many maps are open.
-    pub(super) fn new(file: &File) -> io::Result<Self> {
+    pub(in crate::store) fn new(file: &File) -> io::Result<Self> {
         install();
         let claim =
             |slot: &&Slot| slot.taken.compare_exchange(false, true, Ordering::Acquire, Ordering::Relaxed).is_ok();
@@ -69,24 +71,25 @@ impl GuardedMap {
     }
 
     /// The mapped bytes.
-    pub(super) fn bytes(&self) -> &[u8] {
+    pub(in crate::store) fn bytes(&self) -> &[u8] {
         &self.map
     }
 
     /// Bytes from the start that have not been lost so far.
-    pub(super) fn intact_bytes(&self) -> usize {
+    pub(in crate::store) fn intact_bytes(&self) -> usize {
         (self.slot.lost.load(Ordering::SeqCst).saturating_sub(self.map.as_ptr() as usize)).min(self.map.len())
     }
 
     /// Says how the map will be read.
-    pub(super) fn advise(&self, advice: Advice) {
-        // Without it the bytes are the same.
+    pub(in crate::store) fn will_be_read(&self, access: Access) {
+        // Sequential advice makes the kernel read ahead farther (decision 41). Without it the bytes are the same.
+        let advice = if access == Access::Blocks { Advice::Sequential } else { Advice::Random };
         let _ = self.map.advise(advice);
     }
 
     /// Lets the pages of a range go, and what the system has mapped around it: they come back from the file when they are
     /// touched again.
-    pub(super) fn let_go(&self, start: usize, end: usize) {
+    pub(in crate::store) fn let_go(&self, start: usize, end: usize) {
         let page = PAGE.load(Ordering::Relaxed);
         let start = start.saturating_sub(MAPPED_AROUND) / page * page;
         // Of the zeros in the place of what was lost none are dropped, for they would come back as more zeros.
