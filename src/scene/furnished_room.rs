@@ -55,6 +55,8 @@ fn built() -> Result<LoadedScene> {
         materials,
         textures,
         camera,
+        sensors: None,
+        shows_irradiance: false,
         emitters,
         unseen_lights,
         basis,
@@ -362,7 +364,7 @@ fn lights(assembly: &mut Assembly, materials: &Materials) -> Result<()> {
     assembly.point("sun", PointEmitter::Sun { towards, angular_radius_radians: 0.01 }, [22.0, 19.0, 15.0])?;
     let (across, down) = SKY_TEXELS;
     let mapping = EnvironmentMapping::LatLong { across, down };
-    assembly.environment("sky", mapping, Quat::IDENTITY, [1.0; 3])?;
+    assembly.environment("sky", mapping, Quat::IDENTITY, false, [1.0; 3])?;
     let first = assembly.basis.lights().last().map_or(0, |sky| sky.first_column);
     let texel = |texel| sky_at(mapping.direction_at(texel, Vec2::splat(0.5)));
     assembly.basis.set_scene_weights(first, (0..mapping.texel_count()).map(texel).collect())

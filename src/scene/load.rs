@@ -283,6 +283,7 @@ fn with_camera_of(
 /// An OBJ file as a scene of its own: what its materials emit are its lights or, where none does, an even sky is; all of it is in view.
 fn load_obj(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
+    refuse_grid(&place, options)?;
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
     geometry.read(path, &folders, &mut memory, &mut warnings)?;
@@ -301,6 +302,8 @@ fn load_obj(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Resu
         overrides: &[],
         entries: &[],
         camera,
+        sensors: None,
+        shows_irradiance: false,
         settings: RenderSettings::default(),
         metres_per_unit: 0.0,
         memory,
@@ -316,13 +319,17 @@ fn is_obj(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
 }
 
+/// Only scene files have grids of sensors.
+fn refuse_grid(place: &str, options: &LoadOptions) -> Result<()> {
+    let Some(grid) = &options.grid else { return Ok(()) };
+    let hint = "name the file as geometry of a scene file with a [[grid]]";
+    Err(Error::input(place, format!("is no scene file and has no grid '{grid}'"), hint))
+}
+
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
 fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
-    if let Some(grid) = &options.grid {
-        let hint = "name the file as geometry of a scene file with a [[grid]]";
-        return Err(Error::input(place, format!("is a glTF file and has no grid '{grid}'"), hint));
-    }
+    refuse_grid(&place, options)?;
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
     let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;

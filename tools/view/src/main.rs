@@ -76,7 +76,7 @@ struct SceneArguments {
 impl SceneArguments {
     fn choices(self) -> LiveChoices {
         let Self { output, samples, seed, size, camera, allow_missing, allow_outside, force } = self;
-        let load = LoadOptions { allow_missing, allow_outside, memory_bytes: None, camera };
+        let load = LoadOptions { allow_missing, allow_outside, memory_bytes: None, camera, grid: None };
         LiveChoices { output, samples, size, seed, overwrite: force, load }
     }
 }

@@ -336,7 +336,12 @@ impl ProgressiveRender {
 
     fn rendered(&self, path: PathBuf, stage: RenderStage, fused: Fused) -> Estimate {
         let Fused { render, packed, .. } = fused;
-        let stated = StatedErrors { lights: Some(packed.lights), denoising: packed.denoising, exposed: packed.exposed };
+        let stated = StatedErrors {
+            lights: Some(packed.lights),
+            denoising: packed.denoising,
+            exposed: packed.exposed,
+            ..Default::default()
+        };
         let error = stated_error(&stated, Some(packed.relative_l2));
         self.estimate(path, stage, error, Some((render, Box::new(packed))))
     }
