@@ -180,7 +180,7 @@ fn a_year_of_hours_is_the_product_with_the_sky_of_each_hour() {
     let suns = "[[light]]\nkind = \"suns\"\nlatitude_degrees = 48.1\nstep_degrees = 4\n";
     let split = PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true");
     for lights in [PATCHES.to_owned(), format!("{split}{suns}")] {
-        let path = rendered(folder.path(), &format!("{GRID}{lights}"), 64);
+        let path = rendered(folder.path(), &format!("{GRID}{lights}"), 1024);
         let matrix = StoreReader::open(&path).unwrap();
         let hours = folder.path().join("hours.npy");
         let options = DaylightOptions {
@@ -205,17 +205,18 @@ fn a_year_of_hours_is_the_product_with_the_sky_of_each_hour() {
             assert!((measures[6] - mean).abs() <= 1e-3 * mean, "{} for {mean}", measures[6]);
             assert_eq!(measures[7].is_nan(), lights == PATCHES);
         }
-        // The container gives the same, hardly compressed.
+        // The container gives the same within what compression leaves out, and does not tell hours of direct sun.
         let packed = folder.path().join("a.ltc");
         let mut pack = PackOptions::default();
-        (pack.compress.target, pack.compress.rank) = (Target::PsnrDb(100.0), 256);
+        (pack.compress.target, pack.compress.rank, pack.compress.noise_factor) = (Target::PsnrDb(120.0), 256, None);
         pack.container.overwrite = true;
         pipeline::pack(&matrix, matrix.job(), &packed, &pack, &NoProgress).unwrap();
         let container = ContainerReader::open(&packed).unwrap();
         let source = DaylightSource::Container(&container);
         let from_container = pipeline::daylight(&source, "a.ltc", &climate, &options, None, &NoProgress).unwrap();
         for (a, b) in from_container.measures.iter().zip(&year.measures) {
-            assert!((a.values[6] / b.values[6] - 1.0).abs() < 1e-3, "{} for {}", a.values[6], b.values[6]);
+            assert!((a.values[6] / b.values[6] - 1.0).abs() < 0.03, "{} for {}", a.values[6], b.values[6]);
+            assert!(a.values[7].is_nan());
         }
     }
 }

@@ -131,7 +131,7 @@ impl Climate {
     pub fn steps_of_hour(&self) -> Option<usize> {
         [365, 366].into_iter().find_map(|days| {
             let hours = 24 * days;
-            (self.steps.len() % hours == 0 && self.steps.len() >= hours).then_some(self.steps.len() / hours)
+            (self.steps.len().is_multiple_of(hours) && self.steps.len() >= hours).then_some(self.steps.len() / hours)
         })
     }
 }

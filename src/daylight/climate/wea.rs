@@ -12,7 +12,7 @@ pub(super) fn parse(place: &str, text: &str) -> Result<(Site, Vec<Row>)> {
     let mut values = Vec::with_capacity(HEADER.len());
     for (index, word) in HEADER.into_iter().enumerate() {
         let line = lines.next().map_or("", |(_, line)| line.trim());
-        let Some((first, rest)) =
+        let Some((_, rest)) =
             line.split_once(char::is_whitespace).filter(|(first, _)| first.eq_ignore_ascii_case(word))
         else {
             let problem = format!("does not begin with '{word}'");
@@ -22,7 +22,6 @@ pub(super) fn parse(place: &str, text: &str) -> Result<(Site, Vec<Row>)> {
                 "give the six lines of the header",
             ));
         };
-        let _ = first;
         values.push(rest.trim());
     }
     let number = |index: usize| {

@@ -131,7 +131,10 @@ pub fn daylight(
     let need = ResourceEstimate::of(&[&parts[0], &parts[1], &PerThread(inner + kept + shape.max_block_bytes())]);
     let output = hours.unwrap_or(Path::new(place));
     let threads = Threads::new(need.admit("the year", output, &[], options.memory_bytes, watch)?)?;
-    let year = YearLight::new(place, basis, climate, options)?;
+    let mut year = YearLight::new(place, basis, climate, options)?;
+    // Compression keeps what lightings of many columns show: of a place of the sun alone it loses whether 1,000 lx are reached.
+    year.knows_sun &= matches!(source, DaylightSource::Stored(_));
+    let year = year;
     let file = hours.map(|path| HoursFile::begin(path, [pixels, steps], options.overwrite)).transpose()?;
     let sums = Mutex::new(vec![HourSums::default(); pixels]);
     watch.begin("the year", u64::from(shape.block_count()), "blocks");

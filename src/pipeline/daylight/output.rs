@@ -23,7 +23,7 @@ const SCALE_ENDS: [Option<f32>; 11] = [
     Some(100.0),
     Some(100.0),
     None,
-    Some(1000.0),
+    None,
     Some(4380.0),
     Some(4380.0),
     Some(4380.0),

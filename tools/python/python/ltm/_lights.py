@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 class Light:
     """One light and the columns that it owns.
 
-    ``kind`` is one of lamp, area, lat-long, octahedral, point, spot, sun, ies, image. ``unit`` is what a weight of 1 is:
+    ``kind`` is one of lamp, area, lat-long, octahedral, point, spot, sun, ies, image, patches, suns. ``unit`` is what a weight of 1 is:
     radiance (W/(sr·m²)), intensity (W/sr), irradiance (W/m²), or multiple (of the light as it was rendered).
     ``grid`` counts its texels (down, across), (1, 1) for a light of one column; ``columns`` is their range, row by row.
     """

@@ -48,6 +48,9 @@ pub(crate) struct Daylight {
     /// Write the skies of the climate as gendaymtx does, sky.mtx, without its tint, of patches with this subdivision.
     #[arg(long, value_name = "MF")]
     sky_matrix: Option<u32>,
+    /// Keep the camera's matrix as it is rendered, neither denoised nor packed: only so do its pixels tell hours of direct sun.
+    #[arg(long)]
+    no_pack: bool,
     /// Only this grid of the scene file, or with "camera" only its camera.
     #[arg(long)]
     view: Option<String>,
@@ -135,7 +138,7 @@ fn of_view(options: &Daylight, grid: Option<&str>, climate: &Climate, console: &
         console.note(&format!("warning: {warning}"));
     }
     let name = grid.unwrap_or("camera");
-    let extension = if grid.is_some() { "ltm" } else { "ltc" };
+    let extension = if grid.is_some() || options.no_pack { "ltm" } else { "ltc" };
     let matrix = options.output.join(format!("{name}.{extension}"));
     match grid {
         Some(_) => loaded.settings.samples_per_pixel = options.sensor_samples,
@@ -164,10 +167,10 @@ fn of_view(options: &Daylight, grid: Option<&str>, climate: &Climate, console: &
     of_matrix(options, &matrix, name, places.as_deref(), climate, console)
 }
 
-/// Sensors are kept as they are rendered; a picture is denoised and packed.
+/// Sensors are kept as they are rendered; a picture is denoised and packed, unless it is not to be.
 fn render(options: &Daylight, loaded: LoadedScene, matrix: &Path, console: &Console) -> Result<()> {
     let memory_bytes = options.memory;
-    if loaded.scene.sensors.is_some() {
+    if loaded.scene.sensors.is_some() || options.no_pack {
         let store = ltm::store::StoreOptions { overwrite: options.force, ..Default::default() };
         let render = RenderOptions { store, memory_bytes, ..Default::default() };
         let report = pipeline::render(loaded, matrix, &render, console)?;
@@ -258,7 +261,7 @@ fn told(name: &str, year: &DaylightYear) -> String {
         say!("{name}: mean {measure} {mean} {}", if *unit == "lx" { "lx" } else { "%" });
     }
     if space.sunlight_exposure().is_none() {
-        say!("{name}: direct sun is not apart from the rest: split = true in the sky's [[light]] makes it so");
+        say!("{name}: direct sun is told of a sky with split = true alone, by sensors and by pictures with --no-pack");
     }
     let exposure = space.sunlight_exposure().map(|percent| format!("{percent:.3}")).unwrap_or_default();
     let places = format!("{},{}", year.measures.len(), year.dark);
