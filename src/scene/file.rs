@@ -19,8 +19,7 @@ pub(super) struct SceneFile {
     pub(super) name: Option<String>,
     /// An OBJ or glTF file that is a scene of its own, with its lights and cameras, instead of `geometry`.
     pub(super) scene: Option<String>,
-    #[serde(default)]
-    pub(super) geometry: Vec<String>,
+    pub(super) geometry: Option<Vec<String>>,
     pub(super) metres_per_unit: Option<f32>,
     pub(super) camera: Option<CameraEntry>,
     #[serde(default)]

@@ -177,7 +177,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
     let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
     if let Some(base) = scene {
-        if !(files.is_empty()
+        if !(files.is_none()
             && entries.is_empty()
             && grids.is_empty()
             && overrides.is_empty()
@@ -201,13 +201,13 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
         };
         return with_camera_of(&place, (name, camera), settings, base);
     }
-    if files.is_empty() {
+    let Some(files) = files else {
         return Err(Error::input(
             place,
             "names no geometry",
             "give geometry = [\"room.obj\"], or scene = \"room.glb\"",
         ));
-    }
+    };
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
     if !(metres_per_unit >= 0.0 && metres_per_unit.is_finite()) {
         return Err(Error::input(place, "metres_per_unit is not a length", "give a number above 0, or leave it out"));
