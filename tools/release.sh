@@ -93,7 +93,7 @@ inspect() {
     [ "$(stat -c %s "$wheel")" -le $((40 << 20)) ] || fail "$wheel is larger than 40 MiB"
     "$python" -m zipfile -e "$wheel" "$work/wheel"
     mkdir "$work/archive" && tar -xzf "$files/ltm-$version-x86_64-linux.tar.gz" -C "$work/archive"
-    if grep -rlF -e "$cargo_home" -e "$root" -e "$HOME/" "$work"; then fail "the files above name a path of this machine"; fi
+    if grep -rlF -e "$cargo_home/" -e "$root/" "$work"; then fail "the files above name a path of this machine"; fi
     (cd "$files" && sha256sum --check --quiet SHA256SUMS && ls -l)
     rm -rf "$work"
 }
