@@ -93,9 +93,9 @@ step "the demonstration"
 demo=$work/demo
 if [ "$profile" = dev ]; then
     # As the tests have built it: alone it would be built anew, with fewer features of what it is built of.
-    "$target/debug/ltm" demo --samples 4 --size 320x180 --out "$demo/out"
+    "$target/debug/ltm" demo --no-window --samples 4 --size 320x180 --out "$demo/out"
 else
-    cargo run --profile "$profile" --locked -- demo --out "$demo/out"
+    cargo run --profile "$profile" --locked -- demo --no-window --out "$demo/out"
 fi
 test -s "$demo/out/all-on.png"
 step "the Python package, installed into a fresh environment"

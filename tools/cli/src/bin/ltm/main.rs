@@ -31,7 +31,7 @@ use ltm_cli::documentation;
 ///
 /// Without a command, says what can be done next with the files of this folder.
 #[derive(Parser)]
-#[command(version, after_help = EXIT_CODES)]
+#[command(name = "ltm", version, after_help = EXIT_CODES)]
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
