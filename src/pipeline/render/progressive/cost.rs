@@ -23,6 +23,11 @@ impl CostModel {
         self.pixels = stage.pixels();
     }
 
+    /// Whether a stage was learned from.
+    pub(super) fn is_known(&self) -> bool {
+        self.pixels > 0
+    }
+
     /// Seconds that a stage is expected to take; 0 where nothing is known.
     pub(super) fn seconds(&self, stage: RenderStage) -> f64 {
         self.tracing_seconds(stage) + self.per_pixel * stage.pixels() as f64

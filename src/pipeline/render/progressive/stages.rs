@@ -60,6 +60,11 @@ impl Stages {
         let Some(done) = self.done else { return self.first().map_or(last, |first| (first, false)) };
         let factor = self.factor_of(done);
         let finer = (factor > 1).then(|| self.at(factor / 2, done.samples_per_pixel));
+        if !costs.is_known() {
+            // After an earlier run: what would be the first estimate of a larger image.
+            let is_small = |stage: &RenderStage| stage.samples() as f64 <= FIRST_PART * self.last.samples() as f64;
+            return finer.filter(is_small).map_or(last, |finer| (finer, false));
+        }
         let cleaner = self.at(factor, 2 * done.samples_per_pixel);
         let budget = early_part * costs.tracing_seconds(self.last) - spent;
         let is_early = |stage: &RenderStage| stage.samples() * 2 <= self.last.samples();
@@ -131,7 +136,9 @@ mod tests {
         let left = RenderStage { width: 320, height: 240, samples_per_pixel: 4 };
         stages.find(left);
         assert_eq!((stages.take_found(), stages.take_found()), (Some(left), None));
-        // Nothing is known of the costs, and so nothing is spent on more early estimates.
+        // Nothing is known of the costs yet: the full resolution would be a sixteenth of all.
         assert_eq!(stages.next(&CostModel::default(), 0.0, 0.15), (stages.last(), true));
+        stages.find(RenderStage { width: 160, height: 120, samples_per_pixel: 4 });
+        assert_eq!(stages.next(&CostModel::default(), 0.0, 0.15), (left, false));
     }
 }
