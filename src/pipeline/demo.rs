@@ -72,8 +72,7 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<
         bytes: 0,
     });
 
-    let mut packed = None;
-    for samples in rounds(samples_per_pixel) {
+    let mut one_round = |samples: u32| -> Result<PackReport> {
         let round = Instant::now();
         let mut loaded = loaded.clone();
         loaded.settings.samples_per_pixel = samples;
@@ -93,9 +92,10 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<
             peak_memory_bytes: report.peak_memory_bytes,
             bytes: report.packed_bytes,
         });
-        packed = Some(report);
-    }
-    let pack = packed.expect("there is a round");
+        Ok(report)
+    };
+    earlier_rounds(samples_per_pixel).into_iter().try_for_each(|samples| one_round(samples).map(drop))?;
+    let pack = one_round(samples_per_pixel)?;
 
     let relight = Instant::now();
     let memory = PeakMemory::start();
@@ -126,11 +126,13 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<
     })
 }
 
-/// The samples per pixel of each round, the last being all.
-fn rounds(samples_per_pixel: u32) -> Vec<u32> {
-    let mut rounds = vec![samples_per_pixel];
-    while rounds.len() < MAX_ROUNDS && rounds[0] / GROWTH >= FEWEST_SAMPLES {
-        rounds.insert(0, rounds[0] / GROWTH);
+/// The samples per pixel of each round before the last, which has all.
+fn earlier_rounds(samples_per_pixel: u32) -> Vec<u32> {
+    let mut rounds = Vec::new();
+    let mut samples = samples_per_pixel / GROWTH;
+    while rounds.len() + 1 < MAX_ROUNDS && samples >= FEWEST_SAMPLES {
+        rounds.insert(0, samples);
+        samples /= GROWTH;
     }
     rounds
 }
@@ -215,9 +217,9 @@ mod tests {
 
     #[test]
     fn rounds_grow_to_all_samples() {
-        assert_eq!(rounds(16), [4, 16]);
-        assert_eq!(rounds(8), [2, 8]);
-        assert_eq!(rounds(4), [4]);
-        assert_eq!(rounds(1), [1]);
+        assert_eq!(earlier_rounds(16), [4]);
+        assert_eq!(earlier_rounds(8), [2]);
+        assert_eq!(earlier_rounds(4), [0; 0]);
+        assert_eq!(earlier_rounds(1), [0; 0]);
     }
 }

@@ -18,6 +18,7 @@ pub(super) use own::{
 
 /// What came of giving a file a name that none may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(windows, expect(dead_code, reason = "a rename replaces there: only `Unknown` is told"))]
 pub(super) enum Renamed {
     /// It has the name.
     Done,

@@ -1,13 +1,12 @@
 //! What the three programs share: progress bars, Ctrl-C, and the way out.
 
 use std::borrow::Cow;
-use std::io::Write;
-#[cfg(unix)]
-use std::os::fd::AsFd;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
+#[cfg(unix)]
+use std::{io::Write, os::fd::AsFd};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ltm::error::Warning;

@@ -68,21 +68,21 @@ fn names_in(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// The steps, those nearest to a picture first. A file from which another one here was made is left out.
 fn steps_of(names: &[PathBuf], folder: &Path) -> Vec<Step> {
-    let with = |extensions: &[&str]| -> Vec<&PathBuf> {
-        let has = |name: &&PathBuf| extensions.contains(&&*extension_of(name));
-        names.iter().filter(has).collect()
+    let with = |extensions: &[&str]| -> Vec<&Path> {
+        let has = |name: &&Path| extensions.contains(&&*extension_of(name));
+        names.iter().map(PathBuf::as_path).filter(has).collect()
     };
     let there: BTreeSet<PathBuf> = names.iter().cloned().collect();
-    let lacks = |name: &&PathBuf, extension: &str| !there.contains(&name.with_extension(extension));
+    let lacks = |name: &&Path, extension: &str| !there.contains(&name.with_extension(extension));
     let mut steps: Vec<Step> = Vec::new();
     steps.extend(with(&["ltc"]).into_iter().map(of_container));
     steps.extend(with(&["ltm"]).into_iter().filter(|name| lacks(name, "ltc")).map(of_matrix));
     steps.extend(with(&["glb", "gltf"]).into_iter().filter(|name| lacks(name, "ltc")).map(of_scene));
-    let scenes: Vec<&PathBuf> = with(&["toml"]).into_iter().filter(|name| is_scene_file(&folder.join(name))).collect();
+    let scenes: Vec<&Path> = with(&["toml"]).into_iter().filter(|name| is_scene_file(&folder.join(name))).collect();
     steps.extend(scenes.iter().copied().filter(|name| lacks(name, "ltc")).map(of_scene));
-    let is_named = |name: &PathBuf| scenes.iter().any(|scene| names_geometry(&folder.join(scene), name));
+    let is_named = |name: &Path| scenes.iter().any(|scene| names_geometry(&folder.join(scene), name));
     steps.extend(with(&["obj"]).into_iter().filter(|name| !is_named(name)).map(of_geometry));
-    let is_exported = |name: &&PathBuf| lacks(name, "glb") && lacks(name, "ltc") && lacks(name, "gltf");
+    let is_exported = |name: &&Path| lacks(name, "glb") && lacks(name, "ltc") && lacks(name, "gltf");
     steps.extend(with(&["blend"]).into_iter().filter(is_exported).map(of_blend));
     steps.extend(of_images(&with(&["exr", "npy", "npz"]), folder, &lacks));
     steps
@@ -92,24 +92,24 @@ fn extension_of(name: &Path) -> String {
     name.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-fn of_container(name: &PathBuf) -> Step {
+fn of_container(name: &Path) -> Step {
     let picture = shell::word(&name.with_extension("png"));
     let result = format!("mix its lights; ltm relight {} -o {picture} writes a picture", shell::word(name));
     Step { command: format!("ltm view {}", shell::word(name)), result }
 }
 
-fn of_matrix(name: &PathBuf) -> Step {
+fn of_matrix(name: &Path) -> Step {
     let result = format!("compress the matrix -> {}", name.with_extension("ltc").display());
     Step { command: format!("ltm-pack {}", shell::word(name)), result }
 }
 
-fn of_scene(name: &PathBuf) -> Step {
+fn of_scene(name: &Path) -> Step {
     let result = format!("render for all lights -> {}", name.with_extension("ltc").display());
     Step { command: format!("ltm render {} --pack", shell::word(name)), result }
 }
 
 /// Geometry alone has no camera: a scene file is begun, whose camera the user sets.
-fn of_geometry(name: &PathBuf) -> Step {
+fn of_geometry(name: &Path) -> Step {
     let scene = name.with_extension("toml");
     let geometry = name.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\"");
     let text = format!(
@@ -121,7 +121,7 @@ fn of_geometry(name: &PathBuf) -> Step {
 }
 
 /// Blender itself exports cameras and lamps.
-fn of_blend(name: &PathBuf) -> Step {
+fn of_blend(name: &Path) -> Step {
     let exported = name.with_extension("glb");
     let file = exported.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\"");
     let export =
@@ -131,8 +131,8 @@ fn of_blend(name: &PathBuf) -> Step {
 }
 
 /// Files of light groups, arrays, and images of single lights under one pattern of names.
-fn of_images(names: &[&PathBuf], folder: &Path, lacks: &impl Fn(&&PathBuf, &str) -> bool) -> Vec<Step> {
-    let (sets, single): (Vec<&PathBuf>, Vec<&PathBuf>) =
+fn of_images(names: &[&Path], folder: &Path, lacks: &impl Fn(&&Path, &str) -> bool) -> Vec<Step> {
+    let (sets, single): (Vec<&Path>, Vec<&Path>) =
         names.iter().copied().partition(|name| is_set_of_lights(&folder.join(name)));
     let mut steps: Vec<Step> = Vec::new();
     for name in sets.into_iter().filter(|name| lacks(name, "ltc")) {
@@ -141,7 +141,7 @@ fn of_images(names: &[&PathBuf], folder: &Path, lacks: &impl Fn(&&PathBuf, &str)
         steps.push(Step { command, result: format!("images of single lights -> {}", packed.display()) });
     }
     if let Some((pattern, packed)) = pattern_of(&single)
-        && lacks(&&packed, "ltc")
+        && lacks(&packed.as_path(), "ltc")
         && is_set_of_lights(&folder.join(&pattern))
     {
         let command = format!("ltm-pack {} -o {}", shell::word(&pattern), shell::word(&packed));
@@ -156,7 +156,7 @@ fn is_set_of_lights(path: &Path) -> bool {
 }
 
 /// The pattern of names that begin and end alike, and a name for what is made of them.
-fn pattern_of(names: &[&PathBuf]) -> Option<(PathBuf, PathBuf)> {
+fn pattern_of(names: &[&Path]) -> Option<(PathBuf, PathBuf)> {
     let names: Vec<&str> = names.iter().map(|name| name.to_str()).collect::<Option<_>>()?;
     let (first, rest) = names.split_first()?;
     let begins = |length: usize| first.get(..length).is_some_and(|part| rest.iter().all(|name| name.starts_with(part)));
@@ -191,7 +191,7 @@ mod tests {
     fn names_that_begin_alike_are_one_pattern() {
         let pattern = |names: &[&str]| {
             let names: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
-            pattern_of(&names.iter().collect::<Vec<_>>())
+            pattern_of(&names.iter().map(PathBuf::as_path).collect::<Vec<_>>())
         };
         let expected = Some(("room_{light}.exr".into(), "room.ltc".into()));
         assert_eq!(pattern(&["room_desk.exr", "room_door.exr", "room_sky.exr"]), expected);
