@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use super::albedo;
 use super::constants::*;
+use super::denoised_rows::DenoisedRows;
 use super::detail;
-use super::errors::{BlockErrors, ErrorSums};
+use super::errors::BlockErrors;
 use super::filter::{Direct, Indirect};
 use super::filter_radii::FilterRadii;
 use super::guide_statistics::Guides;
@@ -30,31 +31,6 @@ pub struct DenoiserRows<'a> {
     pub features: &'a mut [f32],
     /// Variance of the mean of each feature.
     pub feature_variance: &'a mut [f32],
-}
-
-/// The denoised rows of one step of [`Denoiser`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct DenoisedRows {
-    /// Three channels for each cluster, direct and indirect light added up.
-    pub images: ImageRows,
-    errors: BlockErrors,
-}
-
-impl DenoisedRows {
-    /// The range of rows that was denoised.
-    pub fn rows(&self) -> Range<usize> {
-        self.images.held()
-    }
-
-    /// Error estimates of the blocks that lie in a region of these rows, for each group of clusters.
-    pub fn errors(&self, region: &Region) -> Vec<ErrorSums> {
-        self.errors.of(region)
-    }
-
-    /// Returns the memory to the pool.
-    pub fn keep_in(self, pool: &Pool) {
-        pool.keep(self.images);
-    }
 }
 
 /// What of an image is denoised.
@@ -265,7 +241,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::GuideStatistics;
+    use super::super::{ErrorSums, GuideStatistics};
     use super::*;
 
     const CLUSTERS: usize = 2;

@@ -25,6 +25,7 @@
 mod albedo;
 mod constants;
 mod denoise_inputs;
+mod denoised_rows;
 mod denoised_source;
 mod denoiser;
 mod detail;
@@ -50,8 +51,9 @@ pub const DENOISER_VERSION: u32 = 21;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;
+pub use denoised_rows::DenoisedRows;
 pub(crate) use denoised_source::{DenoisedSource, windows_of};
-pub use denoiser::{DenoisedRegion, DenoisedRows, Denoiser, DenoiserRows};
+pub use denoiser::{DenoisedRegion, Denoiser, DenoiserRows};
 pub use errors::ErrorSums;
 pub(crate) use external_images::{BASIS_LAYER, ExternalImages};
 pub use filter_radii::FilterRadii;

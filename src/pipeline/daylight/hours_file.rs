@@ -1,10 +1,9 @@
 //! The hours of all pixels as an array on disk, written block by block.
 
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::{Replacement, check_free_space};
+use crate::files::{PositionedFile, Replacement, check_free_space};
 use crate::image::npy_header;
 
 /// A NumPy array `[pixels, steps]` that is being written.

@@ -2,13 +2,12 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::DaylightYear;
 use crate::daylight::{ANNUAL_MEASURES, Climate};
 use crate::error::{Error, Result};
-use crate::files::{open_input, replace, write_file};
+use crate::files::{PositionedFile, open_input, replace, write_file};
 use crate::image::{ValueScale, npy_header, write_npy_values, write_value_map};
 
 /// Steps of a `.ill` file that are turned from the array at once.
