@@ -225,8 +225,8 @@ fn every_estimate_is_within_its_stated_error() {
         found.sort_by(|a, b| (a.1 / a.0).total_cmp(&(b.1 / b.0)));
         let (stated, error) = found[found.len() / 2];
         eprintln!("{stage}: {error} found, {stated} stated");
-        // It may be stated up to three times too large, and a tenth too small.
-        assert!((0.33..1.1).contains(&(error / stated)), "{stage}: {error} found, {stated} stated; {found:?}");
+        // It may be stated up to three times too large, and too small by a factor of 1.5.
+        assert!((0.33..1.5).contains(&(error / stated)), "{stage}: {error} found, {stated} stated; {found:?}");
     }
 }
 

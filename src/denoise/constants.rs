@@ -107,7 +107,7 @@ pub(super) const MIN_KEPT_SHARE_OF_IMPORTED: f32 = 0.1;
 /// Wiener gain of lost detail, and evenness of the square that it is estimated from: up to the first nothing is given back, from the
 /// second on all. Tuned: decision 53.
 pub(super) const DETAIL_GAIN: (f32, f32) = (0.3, 1.0);
-pub(super) const DETAIL_EVENNESS: (f32, f32) = (0.3, 0.6);
+pub(super) const DETAIL_EVENNESS: (f32, f32) = (0.25, 0.5);
 
 /// Correlation of the two halves of the tiles: up to the first they are not believed, from the second on wholly.
 pub(super) const MIN_AGREEMENT: f64 = 0.25;

@@ -7,7 +7,7 @@ use crate::matrix::CHANNELS;
 /// Radius, in pixels, of the square over which differences are averaged.
 const SQUARE: usize = 1;
 /// Radius, in pixels, of the square over which the gain is estimated.
-const GAIN_SQUARE: usize = 3;
+const GAIN_SQUARE: usize = 6;
 
 /// Radius, in pixels, that [`with_detail`] reads.
 pub(super) const DETAIL_REACH: usize = SQUARE + GAIN_SQUARE;

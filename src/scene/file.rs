@@ -302,7 +302,7 @@ impl LightEntry {
 
 /// Parses a scene file's text; `path` is for messages. Errors: anything that is not a scene file, with its line.
 pub(super) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
-    let file: SceneFile = toml::from_str(text).map_err(|error| {
+    toml::from_str(text).map_err(|error| {
         let mut place = path.display().to_string();
         if let Some(span) = error.span() {
             let line = text.get(..span.start).map_or(0, |before| before.matches('\n').count()) + 1;
@@ -323,11 +323,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
             Some((&key, _)) if message.starts_with("missing field") => missing(place, key),
             _ => Error::input(place, message, "formats/scene.md says how a scene file is written"),
         }
-    })?;
-    match file.camera.is_none() && file.grid.is_empty() {
-        true => Err(missing(path.display().to_string(), "camera")),
-        false => Ok(file),
-    }
+    })
 }
 
 fn missing(place: String, key: &str) -> Error {

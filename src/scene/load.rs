@@ -186,19 +186,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             let problem = "names a scene, and has geometry, lights, grids, materials or a unit as well";
             return Err(Error::input(place, problem, "leave only [camera] and [render] beside 'scene'"));
         }
-        let base = folders.find(&base, &place)?;
-        let base = match (is_gltf(&base), is_obj(&base)) {
-            (true, _) => load_gltf(&base, options, memory)?,
-            (_, true) => load_obj(&base, options, memory)?,
-            _ => {
-                let problem = format!("{} is neither an OBJ nor a glTF file", base.display());
-                return Err(Error::input(
-                    place,
-                    problem,
-                    "give scene = \"room.glb\", or geometry and lights of your own",
-                ));
-            }
-        };
+        let base = load_scene_of(&place, &folders.find(&base, &place)?, options, memory)?;
         return with_camera_of(&place, (name, camera), settings, base);
     }
     let Some(files) = files else {
@@ -317,6 +305,18 @@ fn load_obj(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Resu
 /// Whether a file is an OBJ file, by its name.
 fn is_obj(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
+}
+
+/// The scene that a scene file at `place` names.
+fn load_scene_of(place: &str, path: &Path, options: &LoadOptions, memory: MemoryBound) -> Result<Unchecked> {
+    match (is_gltf(path), is_obj(path)) {
+        (true, _) => load_gltf(path, options, memory),
+        (_, true) => load_obj(path, options, memory),
+        _ => {
+            let problem = format!("{} is neither an OBJ nor a glTF file", path.display());
+            Err(Error::input(place, problem, "give scene = \"room.glb\", or geometry and lights of your own"))
+        }
+    }
 }
 
 /// Only scene files have grids of sensors.

@@ -277,11 +277,9 @@ impl Paths<'_> {
         sampler: &Sampler,
         record: &mut PathRecord<'_, '_>,
     ) {
-        let (world, mut ray) = (self.world, begin.ray);
-        let (mut throughput, mut eta_scale) = (begin.throughput, begin.eta_scale);
-        let (mut last, mut sensor) = (begin.last, begin.sensor);
-        // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
-        let mut layer = begin.layer;
+        let world = self.world;
+        // `layer`: of an emitter that the next ray finds. It is emission until a surface has scattered the path.
+        let Begin { mut ray, mut throughput, mut eta_scale, mut last, mut sensor, mut layer, .. } = begin;
         // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
         let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (begin.vertex, 0, 0.0, MAX_FORKS);
@@ -295,8 +293,7 @@ impl Paths<'_> {
             let Some(mut at) = arrived else { return };
             throughput *= at.kept;
             if record.irradiance && layer == LightPath::Emission && at.shows_no_emitter() {
-                at.whiten();
-                throughput *= PI;
+                throughput *= at.whiten();
             }
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;

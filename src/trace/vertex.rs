@@ -82,9 +82,10 @@ impl PathVertex {
         }
     }
 
-    /// Makes the surface a white one, which sends 1/π of what it receives.
-    pub(super) fn whiten(&mut self) {
+    /// Makes the surface a white one, which sends 1/π of what it receives. Returns the factor from its radiance to its irradiance.
+    pub(super) fn whiten(&mut self) -> f32 {
         self.bsdf = Bsdf::Lambert(Lambert { reflectance: Vec3::ONE });
+        std::f32::consts::PI
     }
 
     /// Whether a path may pass straight through, as through a thin sheet, and is not scattered otherwise.

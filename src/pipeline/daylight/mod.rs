@@ -113,6 +113,9 @@ impl DaylightSource<'_> {
 /// # Errors
 /// A matrix without a sky, or with one that does not fit its places of the sun; a block that cannot be read; too little memory; the system
 /// refuses to write; [`Error::Interrupted`] when the watch says so.
+///
+/// # Panics
+/// If a thread panicked.
 pub fn daylight(
     source: &DaylightSource<'_>,
     place: &str,
