@@ -18,8 +18,11 @@ use ltm::store::StoreReader;
 /// Names the folder of Radiance: it has its programs in `bin` and its files in `lib`.
 const VARIABLE: &str = "LTM_RADIANCE";
 
+/// A material, and the corner and the edges of a rectangle of it.
+type Part = (&'static str, [f32; 3], [f32; 3], [f32; 3]);
+
 /// A room of 6 × 4 × 3 m with a window of 3 × 1.5 m in its north wall: rectangles by corner and edges (y up), and their materials.
-const ROOM: [(&str, [f32; 3], [f32; 3], [f32; 3]); 9] = [
+const ROOM: [Part; 9] = [
     ("floor", [-3.0, 0.0, -2.0], [0.0, 0.0, 4.0], [6.0, 0.0, 0.0]),
     ("ceiling", [-3.0, 3.0, -2.0], [6.0, 0.0, 0.0], [0.0, 0.0, 4.0]),
     ("wall", [-3.0, 0.0, 2.0], [0.0, 3.0, 0.0], [6.0, 0.0, 0.0]),

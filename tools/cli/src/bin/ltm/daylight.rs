@@ -146,7 +146,7 @@ fn of_view(options: &Daylight, grid: Option<&str>, climate: &Climate, console: &
     }
     let wanted = pipeline::job_of(&loaded)?.provenance;
     let is_there = matrix.exists()
-        && match &*extension {
+        && match extension {
             "ltm" => StoreReader::open(&matrix)?.job().provenance == wanted,
             _ => ContainerReader::open(&matrix)?.job().provenance == wanted,
         };
