@@ -48,7 +48,9 @@ pub(crate) fn basis_of(lights: Vec<LightTuple>) -> Result<LightBasis> {
             "suns" => LightKind::Suns { count: across },
             "patches" => match SkyPatches::of_count(across).filter(|_| (1..=2).contains(&down)) {
                 Some(patches) => LightKind::Patches { subdivision: patches.subdivision(), is_split: down == 2 },
-                None => return Err(unknown("number of patches", &format!("{across} × {down}"), "146, 578, 1298, 2306, …")),
+                None => {
+                    return Err(unknown("number of patches", &format!("{across} × {down}"), "146, 578, 1298, 2306, …"));
+                }
             },
             _ => {
                 let hint = "kinds are lamp, area, lat-long, octahedral, point, spot, sun, ies, image, patches, suns";

@@ -216,8 +216,13 @@ pub(crate) struct RenderChoices {
 }
 
 /// A scene with what was chosen in place of its own settings.
-pub(crate) fn load_with_choices(scene: SceneChoice, choices: RenderChoices, watch: &dyn Progress) -> Result<LoadedScene> {
-    let RenderChoices { samples, size, seed, block_side, camera, allow_missing, allow_outside, memory_bytes, .. } = choices;
+pub(crate) fn load_with_choices(
+    scene: SceneChoice,
+    choices: RenderChoices,
+    watch: &dyn Progress,
+) -> Result<LoadedScene> {
+    let RenderChoices { samples, size, seed, block_side, camera, allow_missing, allow_outside, memory_bytes, .. } =
+        choices;
     let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera, grid: None })?;
     loaded.warnings.iter().for_each(|warning| watch.warn(warning));
     if let Some((width, height)) = size {
