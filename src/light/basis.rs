@@ -44,7 +44,7 @@ pub enum LightKind {
     Ies,
     /// A light known only by its rendered image: one column.
     Image,
-    /// A sky of Tregenza's or Reinhart's patches, see [`SkyPatches`](super::SkyPatches): a column for each of the `144 · MF² + 2`, the
+    /// A sky of Tregenza's or Reinhart's patches, see [`SkyPatches`]: a column for each of the `144 · MF² + 2`, the
     /// lower hemisphere first.
     Patches {
         /// `MF`.
