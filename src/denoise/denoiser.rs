@@ -207,7 +207,9 @@ impl<'a> Denoiser<'a> {
         let albedo = albedo::of_filtered(features, feature_variance, &part, &self.surfaces, self.pool);
         for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
             let denoised = mixed(light, means, self.origin, &part, self.pool);
-            errors.add_change([light, &denoised], &self.groups, |channel, y| of_samples(channel, y).collect());
+            errors.add_change([light, &denoised], &self.groups, |channel, y, x| {
+                of_samples(channel, y).skip(x.start).take(x.len()).collect()
+            });
             images.change_rows(&part, |y, plane, out| {
                 let [a, b] = [plane, planes + plane].map(|plane| &denoised.row(plane, y)[part.x.clone()]);
                 let halves = a.iter().zip(b).zip(&albedo.row(plane % 3, y)[part.x.clone()]);
@@ -310,7 +312,8 @@ mod tests {
         mean
     }
 
-    /// Denoises in steps of the given block height with a used pool. Returns all rows of the image and the errors of all blocks. Each cluster is a group.
+    /// Denoises in steps of the given block height with a used pool. Returns all rows of the image and the
+    /// errors of all blocks. Each cluster is a group.
     fn denoise_in_steps(
         window: &Window,
         region: &Region,

@@ -2,6 +2,7 @@
 
 use super::constants::{DETAIL_EVENNESS, DETAIL_GAIN};
 use super::image_rows::{ImageRows, Pool, Region};
+use super::ramp;
 use crate::matrix::CHANNELS;
 
 /// Radius, in pixels, of the square over which differences are averaged.
@@ -70,16 +71,11 @@ pub(super) fn with_detail(
         for ((((out, all), light), squared), smooth) in out.iter_mut().zip(all).zip(light).zip(squared).zip(smooth) {
             let gain = if *all > 0.0 { light / all } else { 0.0 };
             let evenness = if *squared > 0.0 { light / squared.sqrt() } else { 0.0 };
-            *out = smooth + *out * between(DETAIL_GAIN, gain) * between(DETAIL_EVENNESS, evenness);
+            *out = smooth + *out * ramp(DETAIL_GAIN, gain) * ramp(DETAIL_EVENNESS, evenness);
         }
     });
     [difference, powers, means].into_iter().for_each(|done| pool.keep(done));
     detail
-}
-
-/// 0 up to the first bound, 1 from the second on.
-fn between((least, whole): (f32, f32), value: f32) -> f32 {
-    ((value - least) / (whole - least)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Error estimates of denoising from the two halves of the samples, for each group of lights: noise removed, noise left, bias
 //! added, and light lost.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::image_rows::{ImageRows, Region};
@@ -58,7 +60,7 @@ pub(super) struct BlockErrors(Vec<(Region, Vec<ErrorSums>)>);
 impl BlockErrors {
     /// Of blocks of `side` × `side` pixels from the top left of the region on, with nothing summed yet.
     pub(super) fn none_yet(region: &Region, side: usize, groups: usize) -> Self {
-        let begins = |range: &std::ops::Range<usize>| {
+        let begins = |range: &Range<usize>| {
             let end = range.end;
             range.clone().step_by(side).map(move |begin| begin..(begin + side).min(end))
         };
@@ -74,9 +76,7 @@ impl BlockErrors {
 
     /// The sums of each group over the blocks that lie in a region.
     pub(super) fn of(&self, region: &Region) -> Vec<ErrorSums> {
-        let within = |part: &std::ops::Range<usize>, whole: &std::ops::Range<usize>| {
-            part.start >= whole.start && part.end <= whole.end
-        };
+        let within = |part: &Range<usize>, whole: &Range<usize>| part.start >= whole.start && part.end <= whole.end;
         let mut blocks = self.0.iter().filter(|(block, _)| within(&block.x, &region.x) && within(&block.y, &region.y));
         let mut sums = blocks.next().map(|(_, sums)| sums.clone()).unwrap_or_default();
         for (_, more) in blocks {
@@ -86,13 +86,13 @@ impl BlockErrors {
     }
 
     /// Adds direct or indirect light, each in two halves: `raw` before and `denoised` after filtering, in units that `scale`
-    /// brings to light, for a channel and a row. The squared noise of a mean of two halves is the square of half their difference. Direct and
+    /// brings to light, for a channel, a row and some pixels of it. The squared noise of a mean of two halves is the square of half their difference. Direct and
     /// indirect light are taken as independent. `groups` has the group of each cluster.
     pub(super) fn add_change(
         &mut self,
         [raw, denoised]: [&ImageRows; 2],
         groups: &[u16],
-        scale: impl Fn(usize, usize) -> Vec<f32> + Sync,
+        scale: impl Fn(usize, usize, &Range<usize>) -> Vec<f32> + Sync,
     ) {
         let planes = raw.planes() / 2;
         self.0.par_iter_mut().for_each(|(block, sums)| {
@@ -117,9 +117,9 @@ impl BlockErrors {
                         },
                     );
                 }
-                let scales: [Vec<f32>; CHANNELS] = std::array::from_fn(|channel| scale(channel, y));
+                let scales: [Vec<f32>; CHANNELS] = std::array::from_fn(|channel| scale(channel, y, &block.x));
                 for (plane, halves) in halves.chunks_exact(across).enumerate() {
-                    add_row(&mut sums[plane / CHANNELS], halves, &scales[plane % CHANNELS][block.x.clone()]);
+                    add_row(&mut sums[plane / CHANNELS], halves, &scales[plane % CHANNELS]);
                 }
             }
         });

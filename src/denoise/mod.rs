@@ -46,6 +46,11 @@ mod shrinkage;
 mod surfaces;
 mod upsample_columns;
 
+/// 0 up to the first bound, 1 from the second on, and linear between.
+fn ramp((from, to): (f32, f32), value: f32) -> f32 {
+    ((value - from) / (to - from)).clamp(0.0, 1.0)
+}
+
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
 pub const DENOISER_VERSION: u32 = 21;
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::constants::{CHANGE, MIN_KEPT_SHARE, MIN_KEPT_SHARE_OF_IMPORTED, OUTLIER, RISK_CELLS, WHOLE_SHARE};
 use super::detail::{DETAIL_REACH, with_detail};
 use super::image_rows::{ImageRows, Pool, Region, shifts};
+use super::ramp;
 use crate::simd::dispatch;
 
 /// Radius of a cell, and its diameter in pixels.
@@ -220,12 +221,12 @@ impl ImageOrigin {
         }
         let (least, most) = CHANGE;
         let relative = (changed / light.max(f32::MIN_POSITIVE)).sqrt();
-        let whole = WHOLE_SHARE + (1.0 - WHOLE_SHARE) * ((most - relative) / (most - least)).clamp(0.0, 1.0);
+        let whole = WHOLE_SHARE + (1.0 - WHOLE_SHARE) * ramp((most, least), relative);
         (MIN_KEPT_SHARE, whole)
     }
 }
 
 /// The mixing weight: the estimated best one, as far as it is believed.
-fn share(gained: f32, changed: f32, (least, whole): (f32, f32)) -> f32 {
-    if changed > 0.0 { ((gained / changed - least) / (whole - least)).clamp(0.0, 1.0) } else { 1.0 }
+fn share(gained: f32, changed: f32, believed: (f32, f32)) -> f32 {
+    if changed > 0.0 { ramp(believed, gained / changed) } else { 1.0 }
 }

@@ -70,11 +70,11 @@ impl DenoisedLight {
     }
 }
 
-/// Lines on the lights that are farthest off, for people.
+/// Lines on the lights of a basis that are farthest off, for people. None where nothing is known of them.
 pub fn denoised_light_lines(lights: &[DenoisedLight], basis: &LightBasis) -> Vec<String> {
     /// Lights that are named.
     const NAMED: usize = 3;
-    let mut worst: Vec<usize> = (0..lights.len().min(basis.lights().len())).collect();
+    let mut worst: Vec<usize> = (0..lights.len()).collect();
     worst.sort_by(|&a, &b| lights[b].error().total_cmp(&lights[a].error()));
     let line = |&light: &usize| {
         let DenoisedLight { errors, light_kept } = lights[light];

@@ -47,5 +47,5 @@ pub use memory_need::MemoryNeed;
 pub(crate) use memory_need::{Held, PerThread};
 pub use peak::PeakMemory;
 pub(crate) use progress::JobStage;
-pub use progress::{NoProgress, Progress};
+pub use progress::{NoProgress, Progress, SilentProgress};
 pub(crate) use threads::Threads;

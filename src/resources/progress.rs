@@ -38,6 +38,19 @@ impl Progress for NoProgress {
     }
 }
 
+/// Hears nothing, and stops a job when the one that it has says so.
+pub struct SilentProgress<'a>(pub &'a dyn Progress);
+
+impl Progress for SilentProgress<'_> {
+    fn begin(&self, _: &str, _: u64, _: &str) {}
+    fn advance(&self, _: u64, _: u64, _: &str) {}
+    fn end(&self) {}
+    fn note(&self, _: &str) {}
+    fn interrupted(&self) -> bool {
+        self.0.interrupted()
+    }
+}
+
 /// A stage of a job, as [`Progress`] shows it.
 #[derive(Clone, Copy)]
 pub(crate) struct JobStage<'a> {

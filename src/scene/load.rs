@@ -122,11 +122,8 @@ pub(super) struct Unchecked {
 /// Reads a scene without the checks of the whole.
 pub(super) fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
     let memory = MemoryBound::of(options.memory_bytes.unwrap_or(u64::MAX));
-    if is_gltf(path) {
-        return load_gltf(path, options, memory);
-    }
-    if is_obj(path) {
-        return load_obj(path, options, memory);
+    if is_gltf(path) || is_obj(path) {
+        return load_geometry(path, options, memory);
     }
     load_toml(path, options, memory)
 }
@@ -268,40 +265,6 @@ fn with_camera_of(
     Ok(base)
 }
 
-/// An OBJ file as a scene of its own: what its materials emit are its lights or, where none does, an even sky is; all of it is in view.
-fn load_obj(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
-    let place = path.display().to_string();
-    refuse_grid(&place, options)?;
-    let folders = Folders::of(path, options.allow_outside);
-    let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
-    geometry.read(path, &folders, &mut memory, &mut warnings)?;
-    if geometry.mesh.triangles.is_empty() {
-        return Err(Error::input(place, "has no triangles", "give a file with faces"));
-    }
-    let origin = geometry.settle(&place, &mut warnings);
-    warnings.push(format!("{place}: {NO_CAMERA}"));
-    let camera = seeing_all(&geometry.mesh)?;
-    let read = Read {
-        place: &place,
-        folders: &folders,
-        name: stem(path),
-        geometry,
-        origin,
-        overrides: &[],
-        entries: &[],
-        camera,
-        sensors: None,
-        shows_irradiance: false,
-        settings: RenderSettings::default(),
-        metres_per_unit: 0.0,
-        memory,
-        warnings,
-        by_instance: true,
-        has_sky: true,
-    };
-    build(read, options)
-}
-
 /// Whether a file is an OBJ file, by its name.
 fn is_obj(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"))
@@ -309,14 +272,11 @@ fn is_obj(path: &Path) -> bool {
 
 /// The scene that a scene file at `place` names.
 fn load_scene_of(place: &str, path: &Path, options: &LoadOptions, memory: MemoryBound) -> Result<Unchecked> {
-    match (is_gltf(path), is_obj(path)) {
-        (true, _) => load_gltf(path, options, memory),
-        (_, true) => load_obj(path, options, memory),
-        _ => {
-            let problem = format!("{} is neither an OBJ nor a glTF file", path.display());
-            Err(Error::input(place, problem, "give scene = \"room.glb\", or geometry and lights of your own"))
-        }
+    if !(is_gltf(path) || is_obj(path)) {
+        let problem = format!("{} is neither an OBJ nor a glTF file", path.display());
+        return Err(Error::input(place, problem, "give scene = \"room.glb\", or geometry and lights of your own"));
     }
+    load_geometry(path, options, memory)
 }
 
 /// Only scene files have grids of sensors.
@@ -326,15 +286,17 @@ fn refuse_grid(place: &str, options: &LoadOptions) -> Result<()> {
     Err(Error::input(place, format!("is no scene file and has no grid '{grid}'"), hint))
 }
 
-/// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
-fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
+/// A glTF or OBJ file as a scene of its own: its camera, or one that has all of it in view; its lamps and all that emits in it or, in an OBJ file
+/// where nothing emits, an even sky.
+fn load_geometry(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
     refuse_grid(&place, options)?;
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
     let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;
     if geometry.mesh.triangles.is_empty() {
-        return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
+        let hint = if is_obj(path) { "give a file with faces" } else { "give a file with meshes of triangles" };
+        return Err(Error::input(place, "has no triangles", hint));
     }
     let origin = geometry.settle(&place, &mut warnings);
     let seen = |camera: &FileCamera| Some((camera.name.clone(), camera.camera(origin).ok()?));
@@ -353,11 +315,12 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             sensors: None,
             shows_irradiance: false,
             settings: RenderSettings::default(),
-            metres_per_unit: 1.0,
+            // The unit of glTF is the metre; OBJ files say none.
+            metres_per_unit: if is_obj(path) { 0.0 } else { 1.0 },
             memory,
             warnings,
             by_instance: true,
-            has_sky: false,
+            has_sky: is_obj(path),
         },
         options,
     )?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
-use ltm::light::{DenoisedLight, Job, Lighting};
+use ltm::light::{DenoiseErrors, DenoisedLight, Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
 use ltm::pipeline::{Features, PASSES, RelightOptions, passes_need_bytes, relight_passes};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
@@ -223,6 +223,16 @@ impl Native {
     }
 }
 
+/// Errors of denoising as Python has them.
+fn denoise_errors<'py>(py: Python<'py>, errors: &DenoiseErrors) -> PyResult<Bound<'py, PyDict>> {
+    let DenoiseErrors { noise_before, noise_after, bias } = errors;
+    let told = PyDict::new(py);
+    told.set_item("noise_before", noise_before)?;
+    told.set_item("noise_after", noise_after)?;
+    told.set_item("bias", bias)?;
+    Ok(told)
+}
+
 /// An array of `f32` whose values lie one after the other in C order.
 fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, f32>) -> PyResult<&'a [f32]> {
     if !array.is_c_contiguous() {
@@ -327,20 +337,13 @@ impl Native {
                 let figures = PyDict::new(py);
                 report.provenance.iter().try_for_each(|(figure, origin)| figures.set_item(figure, origin))?;
                 known.set_item("provenance_of_errors", figures)?;
-                if let Some(errors) = container.errors().denoising {
-                    let of_denoising = PyDict::new(py);
-                    of_denoising.set_item("noise_before", errors.noise_before)?;
-                    of_denoising.set_item("noise_after", errors.noise_after)?;
-                    of_denoising.set_item("bias", errors.bias)?;
-                    known.set_item("cleaning_errors", of_denoising)?;
+                if let Some(errors) = &container.errors().denoising {
+                    known.set_item("cleaning_errors", denoise_errors(py, errors)?)?;
                 }
                 let lights = container.job().basis.lights().iter().zip(&container.errors().denoised_lights);
                 let of_lights = PyDict::new(py);
                 for (light, DenoisedLight { errors, light_kept }) in lights {
-                    let of_light = PyDict::new(py);
-                    of_light.set_item("noise_before", errors.noise_before)?;
-                    of_light.set_item("noise_after", errors.noise_after)?;
-                    of_light.set_item("bias", errors.bias)?;
+                    let of_light = denoise_errors(py, errors)?;
                     of_light.set_item("light_kept", light_kept)?;
                     of_lights.set_item(&light.name, of_light)?;
                 }

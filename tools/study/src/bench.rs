@@ -7,7 +7,7 @@ use super::{CorpusOptions, StudyOptions, machine};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::pipeline::{self, RenderOptions, job_of};
-use ltm::resources::Progress;
+use ltm::resources::{Progress, SilentProgress};
 use ltm::scene::{self, BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 
@@ -123,7 +123,7 @@ impl<'a> Bench<'a> {
         }
         let mut options = RenderOptions::default();
         options.store.overwrite = true;
-        pipeline::render(loaded, &path, &options, &Silent(self.watch))?;
+        pipeline::render(loaded, &path, &options, &self.silent())?;
         StoreReader::open(&path)
     }
 
@@ -194,8 +194,8 @@ impl<'a> Bench<'a> {
     }
 
     /// A watch for jobs inside the study: their notes would drown its own.
-    pub(super) fn silent(&self) -> Silent<'_> {
-        Silent(self.watch)
+    pub(super) fn silent(&self) -> SilentProgress<'_> {
+        SilentProgress(self.watch)
     }
 
     /// What another build of the program compressed is not used: every number is of this one. Matrices that it rendered are, for their
@@ -237,19 +237,6 @@ impl Wanted {
     fn file_name(self) -> String {
         let Self { scene, size: (width, height), texels, samples, seed, block_side } = self;
         format!("{scene}-{width}x{height}-{texels}t-{samples}s-{seed}-{block_side}b.ltm")
-    }
-}
-
-/// Passes on only the wish to stop.
-pub(super) struct Silent<'a>(&'a dyn Progress);
-
-impl Progress for Silent<'_> {
-    fn begin(&self, _: &str, _: u64, _: &str) {}
-    fn advance(&self, _: u64, _: u64, _: &str) {}
-    fn end(&self) {}
-    fn note(&self, _: &str) {}
-    fn interrupted(&self) -> bool {
-        self.0.interrupted()
     }
 }
 

@@ -16,7 +16,7 @@ use super::oidn::{self, Surfaces};
 use super::reference::{alone, norm};
 use super::rivals::{PACKED, packed};
 use super::spots::spots;
-use super::stated::{Alone, SeenEmitters};
+use super::stated::{Alone, Compared, SeenEmitters};
 use super::table::{Cell, Table};
 use super::timing::{Clock, Took};
 use super::visual_metrics::Seen;
@@ -314,22 +314,19 @@ fn measure(
                 each.push(cells.iter().cloned().chain(more).chain(measures).collect());
             }
         }
-        for (at, shown) in shown.iter().enumerate() {
-            let lights = reference.job().basis.lights();
-            let Some(light) = lights.iter().position(|light| light.name == shown.name) else { continue };
-            let images = |method| rivals.iter().find(|rival| rival.method == method).map(|rival| &rival.images[at]);
-            let (Some(ours), Some(raw), Some(&errors)) = (images(OURS), images(RAW), denoised_lights.get(light)) else {
-                continue;
+        let [ours, raw] = [&rivals[0], &rivals[rivals.len() - 1]];
+        let lights = reference.job().basis.lights().iter();
+        for (light, (Light { name, .. }, told)) in lights.zip(&denoised_lights).enumerate() {
+            let Some(at) = shown.iter().position(|shown| shown.name == *name) else { continue };
+            let alone = Alone {
+                light,
+                ours: &ours.images[at],
+                raw: &raw.images[at],
+                reference: &shown[at].reference,
+                samples: [samples, converged].map(f64::from),
             };
-            let samples = [samples, converged].map(f64::from);
-            let alone = Alone { light, ours, raw, reference: &shown.reference, samples };
-            let found = alone.compare(&seen);
-            let DenoisedLight { errors: DenoiseErrors { noise_after, bias, .. }, light_kept } = errors;
-            let numbers = [noise_after, bias, errors.error(), light_kept].map(f64::from);
-            let numbers =
-                numbers.into_iter().chain([found.error, f64::from(errors.error()) / found.error, found.light]);
-            let names = [shown.name.as_str().into()];
-            stated.push(cells.iter().cloned().chain(names).chain(numbers.map(Cell::from)).collect());
+            let row = stated_row(told, &alone.compare(&seen)).map(Cell::from);
+            stated.push(cells.iter().cloned().chain([name.as_str().into()]).chain(row).collect());
         }
         for row in rows(&rivals, &judged, reference.shape()) {
             let row: [Cell; COLUMNS.len() - 4] = row;
@@ -338,6 +335,13 @@ fn measure(
         pictures.extend(pictured(&rivals, &judged, &shown, samples));
     }
     Ok(pictures)
+}
+
+/// What is stated of a light, and what was found, as [`STATED_COLUMNS`] have it behind the names.
+fn stated_row(told: &DenoisedLight, found: &Compared) -> [f64; STATED_COLUMNS.len() - 4] {
+    let DenoisedLight { errors: DenoiseErrors { noise_after, bias, .. }, light_kept } = told;
+    let [noise, bias, error, kept] = [*noise_after, *bias, told.error(), *light_kept].map(f64::from);
+    [noise, bias, error, kept, found.error, error / found.error, found.light]
 }
 
 /// The lightings of a scene that reach its picture, and what a matrix of it shows under each.

@@ -25,10 +25,10 @@ use crate::compress::{CompressSettings, Target};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::files::{check_output, folder_of, open_locked, with_suffix};
-use crate::light::{Job, StatedErrors};
+use crate::light::{DenoiseErrors, Job, StatedErrors};
 use crate::matrix::MatrixShape;
 use crate::pipeline::{PackOptions, PackReport, need_of, plan_of};
-use crate::resources::Progress;
+use crate::resources::{Progress, SilentProgress};
 use crate::scene::{Camera, LoadedScene, Projection, RenderSettings, content_hash};
 use crate::trace::Tracer;
 
@@ -219,7 +219,7 @@ impl ProgressiveRender {
             return Ok(None);
         }
         if self.is_found {
-            let error = stated_error(ContainerReader::open(&self.path)?.errors(), None);
+            let error = error_stated_in(&self.path)?;
             self.is_done = true;
             return Ok(Some(self.estimate(self.path.clone(), self.stages.last(), error, None)));
         }
@@ -230,7 +230,7 @@ impl ProgressiveRender {
         let (stage, is_final) = self.choose();
         let estimate = match is_final {
             true => self.finish(stage, watch)?,
-            false => self.render_early(stage, &Quiet(watch))?,
+            false => self.render_early(stage, &SilentProgress(watch))?,
         };
         self.spent += begun.elapsed().as_secs_f64();
         self.stages.done(stage);
@@ -271,7 +271,7 @@ impl ProgressiveRender {
 
     fn found(&mut self, stage: RenderStage) -> Result<Option<Estimate>> {
         let path = early_path(&self.path);
-        let error = stated_error(ContainerReader::open(&path)?.errors(), None);
+        let error = error_stated_in(&path)?;
         Ok(Some(self.estimate(path, stage, error, None)))
     }
 
@@ -336,13 +336,7 @@ impl ProgressiveRender {
 
     fn rendered(&self, path: PathBuf, stage: RenderStage, fused: Fused) -> Estimate {
         let Fused { render, packed, .. } = fused;
-        let stated = StatedErrors {
-            lights: Some(packed.lights),
-            denoising: packed.denoising,
-            exposed: packed.exposed,
-            ..Default::default()
-        };
-        let error = stated_error(&stated, Some(packed.relative_l2));
+        let error = stated_error(packed.denoising, packed.relative_l2);
         self.estimate(path, stage, error, Some((render, Box::new(packed))))
     }
 
@@ -390,10 +384,16 @@ fn reduced(camera: Camera, stage: RenderStage) -> Camera {
     coarse
 }
 
-/// Relative L2 of images of groups of lights, by what a container says.
-fn stated_error(errors: &StatedErrors, relative_l2: Option<f64>) -> Option<f64> {
-    let denoising = errors.denoising?;
-    let packing = relative_l2.unwrap_or_else(|| errors.lights.map_or(0.0, |lights| f64::from(lights.single_mean)));
+/// What a container that an earlier run has left states.
+fn error_stated_in(path: &Path) -> Result<Option<f64>> {
+    let container = ContainerReader::open(path)?;
+    let StatedErrors { denoising, lights, .. } = container.errors();
+    Ok(stated_error(*denoising, lights.map_or(0.0, |lights| f64::from(lights.single_mean))))
+}
+
+/// Relative L2 of images of groups of lights: what denoising and packing leave, as independent errors.
+fn stated_error(denoising: Option<DenoiseErrors>, packing: f64) -> Option<f64> {
+    let denoising = denoising?;
     let squares = [f64::from(denoising.noise_after), f64::from(denoising.bias), packing].map(|error| error * error);
     Some(squares.iter().sum::<f64>().sqrt()).filter(|error| error.is_finite())
 }
@@ -424,18 +424,5 @@ impl Drop for OutputLock {
     fn drop(&mut self) {
         // Where it stays, the next process takes it over.
         let _ = std::fs::remove_file(&self.path);
-    }
-}
-
-/// Says nothing of a stage that is over in seconds, and lets it be stopped.
-struct Quiet<'a>(&'a dyn Progress);
-
-impl Progress for Quiet<'_> {
-    fn begin(&self, _: &str, _: u64, _: &str) {}
-    fn advance(&self, _: u64, _: u64, _: &str) {}
-    fn end(&self) {}
-    fn note(&self, _: &str) {}
-    fn interrupted(&self) -> bool {
-        self.0.interrupted()
     }
 }

@@ -9,8 +9,8 @@ use ltm::container::ContainerReader;
 use ltm::error_estimate::expected_error;
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{
-    DenoisedLight, column_name, denoise_errors_line, denoised_light_lines, expected_error_line, exposed_error_line,
-    light_errors_lines,
+    DenoiseErrors, DenoisedLight, column_name, denoise_errors_line, denoised_light_lines, expected_error_line,
+    exposed_error_line, light_errors_lines,
 };
 use ltm::light::{Job, Light, LightBasis};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
@@ -378,17 +378,18 @@ fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -
         "program": report.program, "method": report.method, "target": report.target, "prior": report.prior,
         "settings": report.settings, "provenance": report.provenance,
     });
-    json["cleaning_errors"] = container.errors().denoising.map_or(
-        Value::Null,
-        |errors| json!({ "noise_before": errors.noise_before, "noise_after": errors.noise_after, "bias": errors.bias }),
-    );
+    let of_denoising = |errors: &DenoiseErrors| {
+        let DenoiseErrors { noise_before, noise_after, bias } = errors;
+        json!({ "noise_before": noise_before, "noise_after": noise_after, "bias": bias })
+    };
+    json["cleaning_errors"] = container.errors().denoising.as_ref().map_or(Value::Null, of_denoising);
     let lights = container.job().basis.lights().iter().zip(&container.errors().denoised_lights);
     json["cleaning_errors_of_lights"] = lights
         .map(|(light, DenoisedLight { errors, light_kept })| {
-            json!({
-                "light": light.name, "noise_before": errors.noise_before, "noise_after": errors.noise_after,
-                "bias": errors.bias, "light_kept": light_kept,
-            })
+            let mut of_light = of_denoising(errors);
+            of_light["light"] = light.name.as_str().into();
+            of_light["light_kept"] = (*light_kept).into();
+            of_light
         })
         .collect::<Vec<_>>()
         .into();
