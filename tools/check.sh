@@ -40,6 +40,8 @@ step "lints"
 cargo clippy --workspace --all-targets --locked -- -D warnings
 step "the library without its features"
 cargo clippy -p light-transport-matrix --no-default-features --locked -- -D warnings
+step "the programs without their features"
+cargo clippy -p ltm-cli --locked -- -D warnings
 step "tests"
 cargo test --workspace --locked
 step "documentation"

@@ -3,12 +3,12 @@
 # Blender add-on, a source package, and their checksums. The same commit makes the same bytes. Nothing is published; docs/releasing.md says
 # which command does.
 #
-#   tools/release.sh [FOLDER]          builds into FOLDER [default: target/release-files], and tries it in a bare system
+#   tools/release.sh [FOLDER]          builds the commit into FOLDER [default: target/release-files], and tries it in a bare system
 #   tools/release.sh --twice [FOLDER]  builds our own crates and all archives a second time, and compares every byte
 #   tools/release.sh --try FOLDER      tries what is there
 #
-# Needs Rust, git, and Python with: pip install maturin ziglang cargo-zigbuild auditwheel (PYTHON names it). The trial needs debootstrap, and
-# root or user namespaces; LTM_BARE_ROOT names a Debian root that is there already.
+# Needs Rust, git, and Python with: pip install maturin ziglang cargo-zigbuild auditwheel (PYTHON names it). The trial needs debootstrap and
+# root; user namespaces suffice where LTM_BARE_ROOT names a Debian root that is there already.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -42,9 +42,11 @@ export CARGO_PROFILE_RELEASE_STRIP=symbols CARGO_PROFILE_RELEASE_DEBUG=0 CARGO_I
 # build FOLDER_OF_FILES
 build() {
     local files=$1 work
+    # The source package and the date are the commit's, the programs those of the working tree.
+    [ -z "$(git status --porcelain)" ] || fail "the working tree is not the commit: commit or stash first"
     work=$(mktemp -d)
-    rm -rf "$files"
     mkdir -p "$files"
+    rm -f "$files"/ltm-* "$files/SHA256SUMS"
     # Two folders: the two tools name their wrappers of zig differently, and each would build anew what the other has built.
     export CARGO_TARGET_DIR=$root/target/release-build/programs
     step "programs"
@@ -79,7 +81,7 @@ build() {
     "$python" tools/release/archives.py zip tools/blender "$files/ltm-blender-$version.zip" \
         '*/__pycache__/*' '/tests/*' '/measure_*.py' '*.zip'
     git archive --format=tar --prefix="ltm-$version/" HEAD | gzip -n -9 > "$files/ltm-$version-source.tar.gz"
-    (cd "$files" && sha256sum -- * > SHA256SUMS)
+    (cd "$files" && sha256sum -- ltm-* > SHA256SUMS)
     rm -rf "$work"
 }
 
@@ -99,12 +101,13 @@ inspect() {
     rm -rf "$work"
 }
 
-# Installs the files in a system that has Python and nothing else of what built them, and runs the commands of the README.
+# Installs the files in a system that has Python and nothing else of what built them, and runs tools/release/in_bare_system.sh there.
 try_in_bare_system() {
     local files=$1 bare=${LTM_BARE_ROOT:-}
     step "a bare system"
     if [ -z "$bare" ]; then
         command -v debootstrap >/dev/null || { echo "no debootstrap: the release is not tried in a bare system"; return; }
+        [ "$(id -u)" = 0 ] || { echo "not root: the release is not tried in a bare system; LTM_BARE_ROOT names one"; return; }
         bare=$root/target/bare-root
         if [ ! -e "$bare/usr/bin/python3" ]; then
             debootstrap --variant=minbase --include=python3,python3-venv bookworm "$bare"
@@ -115,7 +118,7 @@ try_in_bare_system() {
     done
     rm -rf "$bare/release"
     mkdir -p "$bare/release/dependencies"
-    cp "$files"/* tools/release/in_bare_system.sh README.md "$bare/release"
+    cp "$files"/ltm-* "$files/SHA256SUMS" tools/release/in_bare_system.sh README.md "$bare/release"
     # What the package depends on comes from the package index, which the bare system does not reach.
     "$python" -m pip download --quiet --only-binary :all: --python-version 3.11 --platform manylinux_2_28_x86_64 \
         --platform manylinux2014_x86_64 --dest "$bare/release/dependencies" 'numpy>=1.23'

@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from . import looks, program, scene_file
 
-MISSING = "the program ltm was not found: install it (pip install ltm), or say in the preferences where it is"
+MISSING = "the program ltm was not found: install it (cargo install --path tools/cli), or say in the preferences where it is"
 
 
 def preferences(context):

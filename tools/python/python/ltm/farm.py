@@ -66,7 +66,7 @@ def _program(program: str | None) -> str:
     # The wheel puts the programs where Python's own are, which need not be on the path.
     found = program or os.environ.get("LTM") or shutil.which("ltm") or shutil.which("ltm", path=sysconfig.get_path("scripts"))
     if not found:
-        raise FileNotFoundError("the program ltm is not on the PATH; install it (pip install ltm has it), or say where it is in LTM")
+        raise FileNotFoundError("the program ltm is not on the PATH; install it (cargo install --path tools/cli --features gpu,s3), or say where it is in LTM")
     return found
 
 
