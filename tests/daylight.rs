@@ -263,6 +263,10 @@ fn bad_grids_skies_and_suns_of_scene_files_are_told_in_a_line() {
     assert!(problem(&points("flat.pts"), None).contains("flat.pts, line 1: has a normal without length"));
     assert!(problem(&points("none.pts"), None).contains("has no points"));
     assert!(problem(&format!("{GRID}{PATCHES}"), Some("desk")).contains("has no grid 'desk'; it has 'floor'"));
+    for name in ["../floor", "/x/floor", "camera", ".."] {
+        let text = GRID.replace("floor", name);
+        assert!(problem(&format!("{text}{PATCHES}"), None).contains("cannot name a file"), "{name}");
+    }
     assert!(problem(&format!("{GRID}{GRID}{PATCHES}"), None).contains("grid 2 has the name 'floor' of another"));
     assert!(problem(&GRID.replace("spacing = 1", "spacing = 0"), None).contains("spacing 0"));
     assert!(problem(&GRID.replace("spacing = 1\n", ""), None).contains("lacks a key"));

@@ -5,14 +5,14 @@
 //! metre is 1/179 of that ([`LUMENS_PER_WATT`]).
 //!
 //! ```
-//! use ltm::daylight::{Climate, SkyModel, SkyOptions};
+//! use ltm::daylight::{Climate, SkyModel, SkyOptions, SkyTexels};
 //! use ltm::light::{EnvironmentMapping, SkyPatches};
 //!
 //! let text = "place Testville_XX\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsite_elevation 515\n\
 //!     weather_data_file_units 1\n6 21 12.5 850 100\n";
 //! let climate = Climate::parse("test.wea", text)?;
 //! let patches = EnvironmentMapping::Patches(SkyPatches::of_subdivision(1).unwrap());
-//! let sky = SkyModel::new(&climate, SkyOptions::default()).sky(0, patches);
+//! let sky = SkyModel::new(&climate, SkyOptions::default()).sky(0, &SkyTexels::of_mapping(patches));
 //! assert_eq!(sky.len(), 146);
 //! # Ok::<(), ltm::Error>(())
 //! ```

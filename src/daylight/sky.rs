@@ -81,12 +81,11 @@ impl<'a> SkyModel<'a> {
     ///
     /// # Panics
     /// If there is no such step.
-    pub fn sky(&self, step: usize, mapping: EnvironmentMapping) -> Vec<f32> {
-        let texels = SkyTexels::of_mapping(mapping);
-        let Some(mut now) = self.at(&self.climate.steps[step], &texels) else {
+    pub fn sky(&self, step: usize, texels: &SkyTexels) -> Vec<f32> {
+        let Some(mut now) = self.at(&self.climate.steps[step], texels) else {
             return vec![0.0; texels.directions.len()];
         };
-        for (texel, radiance) in now.spread_sun(&texels) {
+        for (texel, radiance) in now.spread_sun(texels) {
             now.radiance[texel] += radiance;
         }
         now.radiance
@@ -176,7 +175,7 @@ mod tests {
 
     /// Compares some patches and the sum of all with `gendaymtx -of -c 1 1 1 -m MF FILE` of Radiance 6.0a, to 10⁻³.
     fn is_radiances(climate: &Climate, options: SkyOptions, step: usize, subdivision: u32, known: &[(usize, f32)]) {
-        let sky = SkyModel::new(climate, options).sky(step, patches(subdivision));
+        let sky = SkyModel::new(climate, options).sky(step, &SkyTexels::of_mapping(patches(subdivision)));
         for &(patch, wanted) in known {
             let found = if patch == SUM { sky.iter().sum() } else { sky[patch] };
             let near = (found - wanted).abs() <= 1e-3 * wanted.abs().max(1e-3);
@@ -266,7 +265,12 @@ mod tests {
     #[test]
     fn the_night_is_dark() {
         let climate = wea("1\n6 21 2.5 0 0\n");
-        assert!(SkyModel::new(&climate, SkyOptions::default()).sky(0, patches(1)).iter().all(|value| *value == 0.0));
+        assert!(
+            SkyModel::new(&climate, SkyOptions::default())
+                .sky(0, &SkyTexels::of_mapping(patches(1)))
+                .iter()
+                .all(|value| *value == 0.0)
+        );
     }
 
     /// The horizontal illuminance of a measured sky is what was measured, whatever the texels.

@@ -277,9 +277,7 @@ impl Tracer {
         let no_emission = PixelSums::new(if self.world.scene.sensors.is_some() { columns } else { 0 });
         let mut noise = (spp > 1)
             .then(|| NoiseSums::new((rect.rows(), columns), &self.probes_of_column, self.probes, &self.column_factors));
-        // Sensors see no surface whose features tell them from their neighbours.
-        let has_planes = spp > 1 && self.world.scene.sensors.is_none();
-        let mut planes = has_planes.then(|| target.planes.take().unwrap_or_default());
+        let mut planes = self.world.scene.has_planes(spp).then(|| target.planes.take().unwrap_or_default());
         let mut plane_sums = planes.as_mut().map(|planes| {
             planes::begin(planes, &self.clusters, pixels);
             PlaneSums::new(&self.clusters, &self.column_factors)

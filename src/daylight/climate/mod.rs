@@ -136,8 +136,13 @@ impl Climate {
     }
 }
 
-/// Errors: times out of order; in a file of whole years hours that are left out.
+/// Errors: times that are none; times out of order; in a file of whole years hours that are left out.
 fn check_times(place: &str, rows: &[Row], is_whole: bool) -> Result<()> {
+    let is_time = |row: &&Row| is_day(row.month, row.day) && (0.0..=24.0).contains(&row.hour);
+    if let Some(row) = rows.iter().find(|row| !is_time(row)) {
+        let problem = format!("there is no {} h of day {} in month {}", row.hour, row.day, row.month);
+        return Err(Error::input(format!("{place}, line {}", row.line), problem, "give month, day and hour"));
+    }
     let has_leap_day = rows.iter().any(|row| (row.month, row.day) == (2, 29));
     let steps_of_day = rows.iter().take_while(|row| (row.month, row.day) == (rows[0].month, rows[0].day)).count();
     let step = 24.0 / steps_of_day as f64;
@@ -171,10 +176,6 @@ fn steps_of(place: &str, site: &Site, rows: Vec<Row>, warnings: &mut Warnings) -
     let mut steps = Vec::with_capacity(rows.len());
     for row in rows {
         let place = || format!("{place}, line {}", row.line);
-        if !(is_day(row.month, row.day) && (0.0..=24.0).contains(&row.hour)) {
-            let problem = format!("there is no {} h of day {} in month {}", row.hour, row.day, row.month);
-            return Err(Error::input(place(), problem, "give month, day and hour"));
-        }
         let is_leap_day = (row.month, row.day) == (2, 29);
         let day_of_year = if is_leap_day { 60 } else { day_of_year(row.month, row.day, after_leap_day) };
         after_leap_day |= is_leap_day;
@@ -246,6 +247,14 @@ mod tests {
 
     fn problem(text: &str) -> String {
         Climate::parse("a", text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn months_that_are_none_are_told_wherever_they_stand() {
+        for month in [0, 13, 31] {
+            let text = format!("{WEA}{month} 1 0.5 0 0\n1 1 0.5 0 0\n");
+            assert!(problem(&text).contains(&format!("day 1 in month {month}")), "{}", problem(&text));
+        }
     }
 
     #[test]

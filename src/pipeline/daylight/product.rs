@@ -24,8 +24,6 @@ pub(super) struct BlockHours {
     left: Vec<f32>,
     /// Rank × hours.
     right: Vec<f32>,
-    /// The same of the direct sun alone.
-    sun: Vec<f32>,
     /// Single entries: pixel, column, value; by pixel.
     entries: Vec<(u32, u32, f32)>,
 }
@@ -55,7 +53,7 @@ impl BlockHours {
         }
         let (columns, texels) = year.sky_columns();
         let mut of_texels = vec![0.0; rank * texels];
-        let (mut right, mut sun) = (vec![0.0; rank * hours], vec![0.0; rank * hours]);
+        let mut right = vec![0.0; rank * hours];
         for (k, sums) in of_texels.chunks_exact_mut(texels).enumerate() {
             for row in block.right_component(k)[columns.clone()].chunks_exact(texels) {
                 sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
@@ -63,14 +61,13 @@ impl BlockHours {
         }
         multiply(&mut right, &of_texels, &year.sky, [rank, texels, hours]);
         for k in 0..rank {
-            let (values, row) = (block.right_component(k), k * hours..(k + 1) * hours);
-            add_sun(year, values, &mut right[row.clone()], &mut sun[row]);
+            add_sun(year, block.right_component(k), &mut right[k * hours..][..hours]);
         }
         let mut entries: Vec<_> = (block.sparse.iter())
             .map(|entry| (entry.row % pixels as u32, entry.column.0, lux_of(entry.row as usize / pixels) * entry.value))
             .collect();
         entries.sort_by_key(|(pixel, ..)| *pixel);
-        Self { pixels, rank, left, right, sun, entries }
+        Self { pixels, rank, left, right, entries }
     }
 
     /// Of the entries themselves: the columns of the sky are the inner width, and those of places of the sun stand apart.
@@ -103,12 +100,12 @@ impl BlockHours {
             entries.extend(lit.map(|(pixel, value)| (pixel as u32, column, value)));
         }
         entries.sort_by_key(|(pixel, ..)| *pixel);
-        Self { pixels, rank: texels, left, right: Vec::new(), sun: Vec::new(), entries }
+        Self { pixels, rank: texels, left, right: Vec::new(), entries }
     }
 
     /// Bytes of the factors of a block of `pixels`, of an inner width of at most `rank`, over so many hours.
     pub(super) fn bytes(pixels: usize, rank: usize, texels: usize, hours: usize) -> u64 {
-        4 * (pixels * rank + 2 * rank * hours + rank * texels) as u64
+        4 * (pixels * rank + rank * hours + rank * texels) as u64
     }
 
     /// Adds the hours of all pixels.
@@ -131,13 +128,9 @@ fn multiply(product: &mut [f32], a: &[f32], b: &[f32], [rows, inner, columns]: [
 }
 
 /// Adds the sun over a component's values of all columns to its hours.
-fn add_sun(year: &YearLight, values: &[f32], hours: &mut [f32], direct: &mut [f32]) {
+fn add_sun(year: &YearLight, values: &[f32], hours: &mut [f32]) {
     for sun in &year.sun {
-        let light = values[sun.column as usize] * sun.weight;
-        hours[sun.hour as usize] += light;
-        if sun.is_direct {
-            direct[sun.hour as usize] += light;
-        }
+        hours[sun.hour as usize] += values[sun.column as usize] * sun.weight;
     }
 }
 
@@ -169,9 +162,6 @@ impl pulp::NullaryFnOnce for Chunk<'_, '_> {
             lux.fill(0.0);
             add_product(lux, left, right, hours, range.start);
             sun.fill(0.0);
-            if wants_sun && !block.sun.is_empty() {
-                add_product(sun, left, &block.sun, hours, range.start);
-            }
             let own = entries.iter().take_while(|(at, ..)| *at as usize == pixel).count();
             for &(_, column, value) in &entries[..own] {
                 add_entry(year, (column, value, block.right.is_empty()), &range, lux, sun);

@@ -5,7 +5,6 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::segment::End;
 use super::point::PointLight;
 use super::{LightSample, Receiver};
 use crate::scene::{PointEmitter, SunPlaces};
@@ -18,8 +17,7 @@ const RAYS_OF_PIXEL: u32 = 8;
 #[derive(Debug)]
 pub(in crate::trace) struct Suns {
     towards: Vec<Vec3>,
-    /// The disc, about +z.
-    disc: PointLight,
+    /// Angular radius in radians; 0 of parallel light.
     radius: f32,
     first_column: u32,
 }
@@ -30,25 +28,25 @@ pub(in crate::trace) struct SunShare {
     /// The first place and the step to the next.
     first: usize,
     step: usize,
+    /// Samples of the sample's half over those of them that have this share.
+    weight: f32,
 }
 
 impl SunShare {
     /// The share of a sample of several of a pixel. Two samples in a row, one of each half, have the same, so that both halves see
-    /// each place equally often.
+    /// each place.
     pub(in crate::trace) fn of_sample(sample: u32, samples: u32) -> Self {
-        let step = ((samples / 2) / (RAYS_OF_PIXEL / 2)).max(1);
-        // What does not fill a whole turn is left to the last places: every place has the same number of rays only where `step` divides the
-        // number of pairs.
-        let step = if (samples / 2).is_multiple_of(step) { step } else { 1 };
-        Self { first: (sample / 2 % step) as usize, step: step as usize }
+        let step = (samples / 2 / (RAYS_OF_PIXEL / 2)).max(1);
+        let first = sample / 2 % step;
+        let of_half = (samples + 1 - sample % 2) / 2;
+        let asked = (of_half - first).div_ceil(step);
+        Self { first: first as usize, step: step as usize, weight: of_half as f32 / asked as f32 }
     }
 }
 
 impl Suns {
     pub(super) fn new(places: &SunPlaces, first_column: u32) -> Self {
-        let radius = places.angular_radius_radians;
-        let disc = PointLight::new(PointEmitter::Sun { towards: Vec3::Z, angular_radius_radians: radius });
-        Self { towards: places.towards.clone(), disc, radius, first_column }
+        Self { towards: places.towards.clone(), radius: places.angular_radius_radians, first_column }
     }
 
     /// Light samples from the places of a share that a surface faces. `pair` is uniform over the unit square, for each place.
@@ -68,16 +66,33 @@ impl Suns {
             if cosine <= least && !(at.two_sided && cosine < -least) {
                 return None;
             }
-            let sample = if self.radius > 0.0 {
-                let frame = super::ShadingFrame::around(towards);
-                let drawn = self.disc.sample(Vec3::ZERO, pair(place as u32))?;
-                let towards = frame.to_world(drawn.towards).normalize();
-                LightSample { towards, end: End::Beyond(towards), ..drawn }
-            } else {
-                LightSample { towards, end: End::Beyond(towards), column: 0, weight: Vec3::ONE, pdf: 0.0 }
-            };
-            let weight = sample.weight * share.step as f32;
+            let emitter = PointEmitter::Sun { towards, angular_radius_radians: self.radius };
+            let sample = PointLight::new(emitter).sample(Vec3::ZERO, pair(place as u32))?;
+            let weight = sample.weight * share.weight;
             Some(LightSample { column: self.first_column + place as u32, weight, pdf: 0.0, ..sample })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean of a half's samples is unbiased: the weights of a place sum to the samples of the half.
+    #[test]
+    fn each_place_counts_once_for_each_sample_of_a_half_whatever_their_number() {
+        for samples in [1, 2, 3, 15, 16, 17, 81, 100, 4097] {
+            for place in 0..600 {
+                for half in 0..2.min(samples) {
+                    let of_half = (half..samples).step_by(2);
+                    let shares = of_half.clone().map(|sample| SunShare::of_sample(sample, samples));
+                    let asked = shares.filter(|share| place % share.step == share.first);
+                    let (rays, sum) =
+                        asked.fold((0, 0.0), |(rays, sum), share| (rays + 1, sum + f64::from(share.weight)));
+                    assert!((sum - of_half.count() as f64).abs() < 1e-3, "{samples} samples, place {place}: {sum}");
+                    assert!(rays <= 2 * RAYS_OF_PIXEL, "{samples} samples: {rays} rays");
+                }
+            }
+        }
     }
 }

@@ -43,6 +43,9 @@ const SENSORS: [usize; 2] = [12, 8];
 /// Renders with seeds of their own for the comparison patch by patch.
 const SEEDS: u64 = 8;
 
+/// Bounces of Radiance, as the note says: with 6 a room like this loses 0.6 % of its light.
+const BOUNCES: &str = "12";
+
 const NOTE: &str = "96 sensors at 0.8 m in a room of 6 × 4 × 3 m with a window of 3 × 1.5 m, reflectances 0.2, 0.5 and 0.8, under Radiance's patches. \
 Radiance: rfluxmtx -I+ -n 1 -ab 12 -lw 1e-6 with -ad as given. Error: root of the mean square over sensors and patches, against the mean of four \
 runs of Radiance with -ad of the reference whose sensors stand 0.1 mm apart, over the mean entry.";
@@ -217,7 +220,7 @@ fn radiance_entries(radiance: &Path, folder: &Path, subdivision: u32, ad: u32, m
             "-n",
             "1",
             "-ab",
-            "6",
+            BOUNCES,
             "-ad",
             &ad.to_string(),
             "-lw",

@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::container::ContainerReader;
-use ltm::daylight::{ANNUAL_MEASURES, Climate, MtxFormat, RadianceMatrix, Schedule, SkyModel, SkyOptions, Thresholds};
+use ltm::daylight::{
+    ANNUAL_MEASURES, Climate, MtxFormat, RadianceMatrix, Schedule, SkyModel, SkyOptions, SkyTexels, Thresholds,
+};
+use ltm::files::write_file;
 use ltm::light::{EnvironmentMapping, SkyPatches};
 use ltm::pipeline::{self, DaylightOptions, DaylightSource, DaylightYear, PackOptions, RenderOptions};
 use ltm::resources::{Progress, parse_bytes};
@@ -64,7 +67,7 @@ pub(crate) struct Daylight {
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
-    /// Replace files that are there, and render again.
+    /// Render again, and replace matrices that are there; results are replaced in any case.
     #[arg(long)]
     force: bool,
 }
@@ -83,6 +86,7 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
     let climate = Climate::read(&options.climate)?;
     climate.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
     check(options)?;
+    options.files.one_camera()?;
     std::fs::create_dir_all(&options.output).map_err(Error::io(&options.output, "make the folder"))?;
     if let Some(subdivision) = options.sky_matrix {
         write_sky_matrix(options, &climate, subdivision)?;
@@ -98,7 +102,7 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
         rows.push(row);
     }
     let summary = options.output.join("summary.csv");
-    write(&summary, &format!("{SUMMARY}\n{}", rows.concat()), true)?;
+    write_file(&summary, true, format!("{SUMMARY}\n{}", rows.concat()).as_bytes())?;
     say!("{}: {} views", summary.display(), rows.len());
     Ok(())
 }
@@ -278,8 +282,9 @@ fn write_sky_matrix(options: &Daylight, climate: &Climate, subdivision: u32) -> 
     let model = SkyModel::new(climate, sky);
     let (rows, columns) = (patches.count() as usize, climate.steps.len());
     let mut values = vec![0.0; rows * columns * 3];
+    let texels = SkyTexels::of_mapping(EnvironmentMapping::Patches(patches));
     for step in 0..columns {
-        let sky = model.sky(step, EnvironmentMapping::Patches(patches));
+        let sky = model.sky(step, &texels);
         for (patch, radiance) in sky.into_iter().enumerate() {
             values[(patch * columns + step) * 3..][..3].fill(radiance);
         }
@@ -289,8 +294,4 @@ fn write_sky_matrix(options: &Daylight, climate: &Climate, subdivision: u32) -> 
     matrix.write(&path, MtxFormat::Float, &format!("ltm daylight --sky-matrix {subdivision}"), true)?;
     say!("{}: {rows} patches × {columns} steps", path.display());
     Ok(())
-}
-
-fn write(path: &Path, text: &str, overwrite: bool) -> Result<()> {
-    ltm::files::write_file(path, overwrite, text.as_bytes())
 }
