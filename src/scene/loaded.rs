@@ -67,13 +67,15 @@ impl LoadedScene {
         self
     }
 
-    /// The same scene in an image of so many pixels. Of sensors there are as many as the scene file says.
+    /// The same scene in an image of so many pixels, by all its cameras. Of sensors there are as many as the scene file says.
     #[must_use]
     pub fn sized(mut self, width: u32, height: u32) -> Self {
         if self.scene.sensors.is_some() {
             return self;
         }
-        (self.scene.camera.width, self.scene.camera.height) = (width, height);
+        for camera in std::iter::once(&mut self.scene.camera).chain(self.cameras.iter_mut().map(|(_, camera)| camera)) {
+            (camera.width, camera.height) = (width, height);
+        }
         self.content = content_hash(&self.scene, self.settings.max_depth);
         self
     }

@@ -8,10 +8,11 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec2};
 
+use super::system::lower_priority;
 use super::words::line;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
-use ltm::pipeline::{self, Estimate, PackOptions, ProgressiveRender, RenderStage};
+use ltm::pipeline::{self, Estimate, PackOptions, ProgressiveRender};
 use ltm::resources::Progress;
 use ltm::scene::{Camera, LoadOptions};
 
@@ -78,8 +79,6 @@ pub struct LiveView {
 /// What is being done.
 #[derive(Clone, Debug, Default)]
 pub struct LiveProgress {
-    /// The estimate that is being rendered, and whether it is the last.
-    pub stage: Option<(RenderStage, bool)>,
     /// Name of the job's step.
     pub step: String,
     /// Steps done, and of how many.
@@ -88,6 +87,8 @@ pub struct LiveProgress {
 
 #[derive(Default)]
 struct Wishes {
+    /// Whether the tree stands: only then another view interrupts, which the job would not survive before.
+    has_begun: bool,
     view: Option<LiveView>,
     paused: bool,
     /// Whether the job is to end, and whether what is not finished is removed then.
@@ -127,7 +128,7 @@ impl Progress for Shared {
     fn note(&self, _: &str) {}
 
     fn interrupted(&self) -> bool {
-        let is_asked = |wishes: &Wishes| wishes.view.is_some() || wishes.end.is_some();
+        let is_asked = |wishes: &Wishes| wishes.end.is_some() || (wishes.has_begun && wishes.view.is_some());
         let wishes = self.wishes();
         let held = self.woken.wait_while(wishes, |wishes| wishes.paused && !is_asked(wishes));
         is_asked(&held.unwrap_or_else(PoisonError::into_inner))
@@ -155,12 +156,11 @@ impl LiveJob {
         let thread = {
             let (shared, scene) = (shared.clone(), scene.to_owned());
             std::thread::spawn(move || {
-                let made = in_background(|| Renderer::begin(&scene, &choices, memory_bytes, &shared, &outbox));
-                match made {
+                in_background(|| match Renderer::begin(&scene, &choices, memory_bytes, &shared, &outbox) {
                     Ok(renderer) => renderer.serve(&shared, &outbox),
                     Err(Error::Interrupted { .. }) => {}
                     Err(error) => outbox.send(LiveEvent::Failed(line(&error))),
-                }
+                });
             })
         };
         Self { shared, events: received, thread: Some(thread) }
@@ -226,11 +226,8 @@ impl Outbox {
 
 /// Runs work on threads that the system prefers all others to, as the window's: a fader stays one frame.
 fn in_background<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    let lower = |_| {
-        // Where it is refused the work has the priority of the window.
-        let _ = rustix::process::nice(BACKGROUND);
-    };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).start_handler(lower).build();
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
+    let pool = threads.start_handler(|_| lower_priority(BACKGROUND)).build();
     match pool {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
@@ -266,12 +263,8 @@ impl Renderer {
         let settings = &mut loaded.settings;
         settings.samples_per_pixel = choices.samples.unwrap_or(settings.samples_per_pixel);
         settings.seed = choices.seed.unwrap_or(settings.seed);
-        let sized = |(name, camera): (String, Camera)| match choices.size {
-            Some((width, height)) => (name, Camera { width, height, ..camera }),
-            None => (name, camera),
-        };
         outbox.send(LiveEvent::Opened {
-            cameras: std::mem::take(&mut loaded.cameras).into_iter().map(sized).collect(),
+            cameras: std::mem::take(&mut loaded.cameras),
             camera: loaded.scene.camera,
             origin: loaded.scene.origin,
             warnings: loaded.warnings.iter().map(ToString::to_string).collect(),
@@ -304,6 +297,7 @@ impl Renderer {
     /// Renders the newest view until the end is asked for.
     fn serve(mut self, shared: &Shared, outbox: &Outbox) {
         let mut rests = false;
+        shared.wishes().has_begun = true;
         loop {
             let wish = {
                 let wishes = shared.wishes();
@@ -319,21 +313,18 @@ impl Renderer {
                     }
                     return;
                 }
-                (None, Some(view)) => match in_background(|| {
-                    self.render.set_view(view.camera, &view.path, view.overwrite)?;
-                    self.show_outline(outbox);
-                    Ok(())
-                }) {
-                    Ok(()) => false,
+                (None, Some(view)) => match self.render.set_view(view.camera, &view.path, view.overwrite) {
+                    Ok(()) => {
+                        self.show_outline(outbox);
+                        false
+                    }
                     Err(error) => failed(outbox, &error),
                 },
                 (None, None) => {
-                    let next = self.render.next_stage();
-                    if let Some((stage, _)) = next {
+                    if let Some((stage, _)) = self.render.next_stage() {
                         shared.begin(&format!("rendering {stage}"), 0, "");
                     }
-                    shared.progress().stage = next;
-                    match in_background(|| self.render.next_estimate(shared)) {
+                    match self.render.next_estimate(shared) {
                         Ok(Some(estimate)) => {
                             outbox.send(LiveEvent::Estimate(*self.render.camera(), Box::new(estimate)));
                             false

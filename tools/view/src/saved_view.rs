@@ -90,6 +90,9 @@ fn set_camera(document: &mut DocumentMut, camera: &Camera, origin: DVec3) -> Res
     table.remove("look_at");
     table.insert("direction", vector(camera.forward.to_array().map(short)));
     table.insert("up", vector(camera.up.to_array().map(short)));
+    for key in ["projection", "view_height", "vertical_fov_degrees"] {
+        table.remove(key);
+    }
     match camera.projection {
         Projection::Perspective { vertical_fov_radians } => {
             table.insert("vertical_fov_degrees", value(short(vertical_fov_radians.to_degrees())));

@@ -39,6 +39,15 @@ pub(crate) fn path_of(bytes: Vec<u8>) -> Option<OsString> {
     String::from_utf8(bytes).ok().map(OsString::from)
 }
 
+/// Lets the system prefer all other threads to this one, by so much. Where it is refused nothing changes.
+#[cfg(unix)]
+pub(crate) fn lower_priority(by: i32) {
+    let _ = rustix::process::nice(by);
+}
+
+#[cfg(not(unix))]
+pub(crate) fn lower_priority(_by: i32) {}
+
 /// Whether a file may be run, as far as the system says before it is tried.
 #[cfg(unix)]
 pub(crate) fn is_program(path: &Path) -> bool {

@@ -171,17 +171,23 @@ impl ProgressiveRender {
     /// # Errors
     /// A container at `path` that is of another view and may not be overwritten; another process renders to `path`.
     pub fn set_view(&mut self, camera: Camera, path: &Path, overwrite: bool) -> Result<()> {
-        self.options.container.overwrite = overwrite;
-        self.is_found = !overwrite && path.exists() && {
+        let is_found = !overwrite && path.exists() && {
             let mut scene = self.tracer.scene().clone();
             scene.camera = camera;
             let content =
                 if camera == self.loaded.0 { self.loaded.1 } else { content_hash(&scene, self.settings.max_depth) };
-            is_finished(&job_of_scene(&scene, &self.settings, content)?, path, &self.options)?
+            let mut options = self.options.clone();
+            options.container.overwrite = overwrite;
+            is_finished(&job_of_scene(&scene, &self.settings, content)?, path, &options)?
         };
-        if !self.is_found && (path != self.path || self.lock.is_none()) {
+        if is_found {
+            self.lock = None;
+        } else if self.lock.as_ref().is_none_or(|lock| lock.path != OutputLock::path_of(path)) {
+            // The one before goes first: the same process may come back to its path.
+            self.lock = None;
             self.lock = Some(OutputLock::of(path)?);
         }
+        (self.is_found, self.options.container.overwrite) = (is_found, overwrite);
         (self.camera, self.path) = (camera, path.to_owned());
         self.stages = Stages::new((camera.width, camera.height), self.settings.samples_per_pixel);
         (self.begun, self.spent, self.is_done) = (Instant::now(), 0.0, false);
@@ -413,9 +419,13 @@ struct OutputLock {
 }
 
 impl OutputLock {
+    fn path_of(output: &Path) -> PathBuf {
+        with_suffix(&early_path(output), ".lock")
+    }
+
     /// Errors: another process holds it, or the folder cannot be written.
     fn of(output: &Path) -> Result<Self> {
-        let path = with_suffix(&early_path(output), ".lock");
+        let path = Self::path_of(output);
         Ok(Self { _file: open_locked(&path, true)?, path })
     }
 }

@@ -133,14 +133,18 @@ impl Document {
     /// nothing but the picture changes.
     pub(super) fn take_place_of(&mut self, old: Self) {
         let scale = self.size()[0] as f32 / old.size()[0] as f32;
-        let lights = self.basis().lights().len();
+        let (from, to) = (old.session.container.clone(), self.session.container.clone());
+        let (from, to) = (&from.job().basis, &to.job().basis);
+        let scene = self.work.scene.clone();
         let mut compare = old.compare;
         compare.snapshots = std::mem::take(&mut self.compare.snapshots);
         compare.forget_difference();
         compare.is_relighting = false;
         self.compare = compare;
-        self.work = old.work;
-        self.list.go_on(old.list, lights);
+        self.work.go_on(old.work, |mix| mix.carried(from, to, &scene));
+        if from.lights().len() == to.lights().len() {
+            self.list.go_on(old.list, to.lights().len());
+        }
         self.view.go_on(old.view, Some(scale));
         self.meter.go_on(old.meter, scale);
         self.features.shows = old.features.shows;
@@ -170,11 +174,13 @@ impl Document {
         self.work.mix = mix;
         self.view.set_display(shown.view.display);
         self.view.viewport.centre = shown.view.viewport.scaled(self.size()[0] as f32 / shown.size()[0] as f32).centre;
-        self.shown.progress.is_complete()
-            && self.requests.are_answered()
-            && self.shown.valued == self.shown.seen
-            && self.shown.id().is_some()
-            && self.compare.snapshots.without_image().is_none()
+        self.is_ready() && self.compare.snapshots.without_image().is_none()
+    }
+
+    /// Whether its whole picture stands.
+    pub(super) fn is_ready(&self) -> bool {
+        let stands = self.shown.progress.is_complete() && self.shown.valued == self.shown.seen;
+        stands && self.requests.are_answered() && self.shown.id().is_some()
     }
 
     pub(super) fn basis(&self) -> &LightBasis {

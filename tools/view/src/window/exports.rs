@@ -104,7 +104,13 @@ pub(super) fn write_animation(document: &mut Document, path: PathBuf) {
 pub(super) fn copy_container(document: &mut Document, path: PathBuf) {
     let from = document.session.path.clone();
     document.start_job(move || {
-        let copied = std::fs::copy(&from, &path);
-        copied.map_err(Error::io(&path, format!("copy {} to it", from.display()))).map(|_| wrote(&path))
+        // Onto itself it stays what it is: it is replaced only once the copy stands.
+        let mut source = ltm::files::open_input(&from, "copy")?;
+        ltm::files::replace(&path, true, |target| {
+            std::io::copy(&mut source, target)
+                .map(drop)
+                .map_err(Error::io(&path, format!("copy {} to it", from.display())))
+        })?;
+        Ok(wrote(&path))
     });
 }

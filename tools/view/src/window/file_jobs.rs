@@ -34,15 +34,12 @@ pub(super) struct CommandLook {
 
 impl FileJobs {
     pub(super) fn new(container: &Path, count: JobCount) -> Self {
-        let container = std::path::absolute(container).unwrap_or_else(|_| container.to_owned());
-        Self {
-            open: 0,
-            count,
-            export_base: container.with_extension(""),
-            wanted: None,
-            changed: None,
-            command_look: None,
-        }
+        Self { open: 0, count, export_base: base_of(container), wanted: None, changed: None, command_look: None }
+    }
+
+    /// Names files after another container.
+    pub(super) fn name_after(&mut self, container: &Path) {
+        self.export_base = base_of(container);
     }
 
     pub(super) fn go_on(&mut self, old: Self) {
@@ -106,4 +103,9 @@ pub(super) fn is_pdf(path: &Path) -> bool {
 /// What is said of a file that was written.
 pub(super) fn wrote(path: &Path) -> Brought {
     Brought::Message(format!("Wrote {}", path.display()))
+}
+
+/// What names of files begin with that are made of a container.
+fn base_of(container: &Path) -> PathBuf {
+    std::path::absolute(container).unwrap_or_else(|_| container.to_owned()).with_extension("")
 }

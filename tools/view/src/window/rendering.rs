@@ -8,7 +8,6 @@ use glam::{DVec3, Vec3};
 
 use super::document::{Document, Opening};
 use super::message::{Message, line};
-use super::requests::Requests;
 use super::shown_picture::set_filtered_texture;
 use super::{worker_events, worker_requests};
 use crate::camera_moves::{CameraMove, MovingCamera};
@@ -88,9 +87,14 @@ impl Rendering {
     pub(super) fn restart(&mut self, context: &egui::Context, memory: Option<u64>) {
         self.job = None;
         // What is not finished is of the older scene; what is, stays.
-        self.choices.overwrite |= !output_of(&self.scene, &self.choices).exists();
+        let overwrite = self.choices.overwrite || !output_of(&self.scene, &self.choices).exists();
         (self.own, self.view, self.next, self.failed) = (None, None, None, None);
-        self.job = Some(start(context, &self.scene, &self.choices, memory));
+        self.undo.clear();
+        if let Some(shown) = &mut self.shown {
+            shown.is_final = false;
+        }
+        let choices = LiveChoices { overwrite, ..self.choices.clone() };
+        self.job = Some(start(context, &self.scene, &choices, memory));
     }
 
     /// Whether the job goes on, and its end would leave something unfinished.
@@ -140,6 +144,8 @@ impl Rendering {
                     let opening = Opening { work_of: Some(self.scene.clone()), ..opening.clone() };
                     match Document::open(context, &estimate.path, opening) {
                         Ok(mut next) => {
+                            // Files are named after the finished container, whichever estimate is shown.
+                            next.files.name_after(&output_of(&self.scene, &self.choices));
                             self.failed = None;
                             next.shown.is_smooth = !estimate.is_final;
                             self.next = Some((Box::new(next), ShownEstimate::of(camera, &estimate)));
@@ -304,12 +310,4 @@ fn view_path(output: &Path) -> PathBuf {
 fn start(context: &egui::Context, scene: &Path, choices: &LiveChoices, memory: Option<u64>) -> LiveJob {
     let context = context.clone();
     LiveJob::start(scene, choices.clone(), memory, Arc::new(move || context.request_repaint()))
-}
-
-impl Document {
-    /// Whether its whole picture stands.
-    fn is_ready(&self) -> bool {
-        let stands = self.shown.progress.is_complete() && self.shown.valued == self.shown.seen;
-        stands && Requests::are_answered(&self.requests) && self.shown.id().is_some()
-    }
 }

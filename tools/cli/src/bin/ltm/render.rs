@@ -10,7 +10,7 @@ use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport, SceneView};
 use ltm::resources::{MemoryNeed, Progress, human_bytes, parse_bytes};
 use ltm::sample_budget::{RenderTo, StopRule, choose_samples, parse_error, parse_seconds};
-use ltm::scene::{Camera, LoadedScene};
+use ltm::scene::LoadedScene;
 use ltm::store::{Precision, StoreReader};
 use ltm::{Error, Result};
 
@@ -163,12 +163,16 @@ fn render_views(options: &Render, loaded: LoadedScene, output: &Path, console: &
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let view = |name: &String| -> Result<SceneView> {
         let found = loaded.cameras.iter().find(|(own, _)| own == name);
-        let known = || loaded.cameras.iter().map(|(own, _)| format!("'{own}'")).collect::<Vec<_>>().join(", ");
-        let refuse =
-            || Error::input("--camera", format!("there is no camera '{name}'"), format!("there are {}", known()));
-        let (width, height) = (loaded.scene.camera.width, loaded.scene.camera.height);
+        let refuse = || {
+            let known: Vec<String> = loaded.cameras.iter().map(|(own, _)| format!("'{own}'")).collect();
+            let hint = if known.is_empty() {
+                "it has none; leave the name out".into()
+            } else {
+                format!("it has {}", known.join(", "))
+            };
+            Error::input(options.scene.display().to_string(), format!("has no camera '{name}'"), hint)
+        };
         let camera = found.ok_or_else(refuse)?.1;
-        let camera = if options.overrides.size.is_some() { Camera { width, height, ..camera } } else { camera };
         let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
         let name: String = name.chars().map(plain).collect();
         Ok(SceneView { camera, path: output.with_file_name(format!("{stem}-{name}.ltc")) })
