@@ -14,7 +14,7 @@
 //!
 //! A [`FileAccess`] says which files a document of someone else may have opened.
 //!
-//! What each system does in its own way is behind one door, `system`.
+//! What each system does in its own way is in `system`.
 //!
 //! New files have the permissions that the umask leaves, and never more than the file that they replace.
 

@@ -14,12 +14,10 @@ use crate::light::{LightBasis, LightKind, Lighting, light_errors_lines};
 use crate::matrix::MatrixShape;
 use crate::scene::LoadedScene;
 
-/// Of the samples of each later round, one over the share that the round before it takes.
-const GROWTH: u32 = 4;
-/// Fewest samples per pixel of a round: two, since its halves tell the noise.
+/// A first whole picture has one of so many of the samples.
+const SAMPLES_OVER_FIRST: u32 = 4;
+/// Fewest samples per pixel of it: two, since its halves tell the noise.
 const FEWEST_SAMPLES: u32 = 2;
-/// Rounds at most, each a whole picture.
-const MAX_ROUNDS: usize = 2;
 /// Names of the container, and of the picture that each round replaces.
 const CONTAINER: &str = "demo.ltc";
 const PICTURE: &str = "all-on";
@@ -63,12 +61,11 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<
     let memory = PeakMemory::start();
     let first = super::preview(&loaded, &picture_path, watch)?;
     watch.note(&format!("{}: a first, small image after {:.1} s", picture_path.display(), first.first_secs));
-    let of_first = (first.first_secs, memory.stop());
     stages.push(DemoStage {
         name: "first image".into(),
         seconds: first.seconds,
-        shown_after: of_first.0,
-        peak_memory_bytes: of_first.1,
+        shown_after: first.first_secs,
+        peak_memory_bytes: memory.stop(),
         bytes: 0,
     });
 
@@ -94,7 +91,9 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<
         });
         Ok(report)
     };
-    earlier_rounds(samples_per_pixel).into_iter().try_for_each(|samples| one_round(samples).map(drop))?;
+    if let Some(samples) = samples_of_first_round(samples_per_pixel) {
+        one_round(samples)?;
+    }
     let pack = one_round(samples_per_pixel)?;
 
     let relight = Instant::now();
@@ -126,15 +125,9 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<
     })
 }
 
-/// The samples per pixel of each round before the last, which has all.
-fn earlier_rounds(samples_per_pixel: u32) -> Vec<u32> {
-    let mut rounds = Vec::new();
-    let mut samples = samples_per_pixel / GROWTH;
-    while rounds.len() + 1 < MAX_ROUNDS && samples >= FEWEST_SAMPLES {
-        rounds.insert(0, samples);
-        samples /= GROWTH;
-    }
-    rounds
+/// The samples per pixel of the round before the one that has all; none where that is too few.
+fn samples_of_first_round(samples_per_pixel: u32) -> Option<u32> {
+    Some(samples_per_pixel / SAMPLES_OVER_FIRST).filter(|&samples| samples >= FEWEST_SAMPLES)
 }
 
 fn write_images(folder: &Path, name: &str, image: &LinearImage) -> Result<()> {
@@ -143,7 +136,7 @@ fn write_images(folder: &Path, name: &str, image: &LinearImage) -> Result<()> {
     image::write_png(&path("png"), image, 0.9)
 }
 
-/// The demonstration's lightings: all on; of the scene's lights those that its names know as day, evening and the painted panel.
+/// The demonstration's lightings: all on; sky and sun alone; lamps alone; rings painted on the panel.
 fn demo_lightings(basis: &LightBasis) -> Result<Vec<(&'static str, Lighting)>> {
     let scene = Lighting::of_scene(basis);
     let of_kinds = |name: &'static str, keeps: &dyn Fn(LightKind) -> bool| -> Result<(&'static str, Lighting)> {
@@ -151,7 +144,7 @@ fn demo_lightings(basis: &LightBasis) -> Result<Vec<(&'static str, Lighting)>> {
         let lighting = dark.map(|light| light.name.as_str()).try_fold(scene.clone(), |l, name| l.with(name, 0.0))?;
         Ok((name, lighting))
     };
-    let is_sky = |kind| matches!(kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. } | LightKind::Sun);
+    let is_sky = |kind: LightKind| kind.is_environment() || matches!(kind, LightKind::Sun | LightKind::Suns { .. });
     let is_panel = |kind| matches!(kind, LightKind::AreaTexels { .. });
     let mut named = vec![(PICTURE, scene.clone())];
     named.push(of_kinds("day", &is_sky)?);
@@ -217,9 +210,9 @@ mod tests {
 
     #[test]
     fn rounds_grow_to_all_samples() {
-        assert_eq!(earlier_rounds(16), [4]);
-        assert_eq!(earlier_rounds(8), [2]);
-        assert_eq!(earlier_rounds(4), [0; 0]);
-        assert_eq!(earlier_rounds(1), [0; 0]);
+        assert_eq!(samples_of_first_round(16), Some(4));
+        assert_eq!(samples_of_first_round(8), Some(2));
+        assert_eq!(samples_of_first_round(4), None);
+        assert_eq!(samples_of_first_round(1), None);
     }
 }

@@ -105,19 +105,13 @@ impl Materials {
             cushion: assembly.material("cushion", matte(0.70, 0.38, 0.10)),
             rug: assembly.material("rug", matte(0.60, 0.54, 0.45)),
             rug_border: assembly.material("rug border", matte(0.36, 0.11, 0.09)),
-            painting: assembly.material("painting", matte(0.0, 0.0, 0.0)),
+            painting: assembly.material("painting", Surface::Lambert { reflectance: painted(1) }),
             metal: assembly.material("metal", steel),
             ceramic: assembly.material("ceramic", coated(colour(0.55, 0.60, 0.58), 0.03)),
             leaf: assembly.material("leaf", matte(0.10, 0.27, 0.07)),
             books: books.map(|[r, g, b]| assembly.material("book", matte(r, g, b))),
             black: assembly.material("lamp", Surface::Black),
         }
-        .with_painting(assembly, painted(1))
-    }
-
-    fn with_painting(self, assembly: &mut Assembly, reflectance: Paint) -> Self {
-        assembly.materials[self.painting.0 as usize].surface = Surface::Lambert { reflectance };
-        self
     }
 }
 
@@ -397,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_and_ceiling_face_the_room() {
+    fn accent_wall_floor_and_painting_face_the_room() {
         let scene = furnished_room().scene;
         let inside = Vec3::new(0.0, 1.4, 0.0);
         let faces = ["accent wall", "parquet", "painting"];

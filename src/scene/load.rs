@@ -1,5 +1,6 @@
 //! From a scene file to a scene that can be traced.
 
+use std::ffi::OsStr;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -259,6 +260,7 @@ fn with_camera_of(
     }
     if let Some(camera) = camera {
         base.scene.camera = camera_entry::camera(&camera, base.scene.origin, place)?;
+        base.scene.shows_irradiance = camera.irradiance.unwrap_or(false);
         // Which camera of the other file would be used does not matter.
         base.warnings.retain(|warning| !warning.text.contains(NO_CAMERA) && warning.hint != Hint::ChooseCamera);
     }
@@ -379,6 +381,12 @@ fn choose_grid<'a>(
     {
         let problem = format!("grid {} has the name '{}' of another", index + 1, grid.name);
         return Err(Error::input(place, problem, "rename one of them"));
+    }
+    // Results are named after grids, and after the camera.
+    let is_plain = |name: &str| name != "camera" && Path::new(name).file_name() == Some(OsStr::new(name));
+    if let Some(grid) = grids.iter().find(|grid| !is_plain(&grid.name)) {
+        let problem = format!("a grid has the name '{}', which cannot name a file of results", grid.name);
+        return Err(Error::input(place, problem, "choose a name without slashes that is not 'camera'"));
     }
     let found = match name {
         None if !needs_one || grids.is_empty() => return Ok(None),

@@ -17,7 +17,7 @@ pub(crate) use std::os::unix::fs::FileExt as PositionedFile;
 
 /// Unit of a file's blocks: that of `stat`, whatever the disk's is.
 const BLOCK_BYTES: u64 = 512;
-/// Largest length of a name in bytes, of which a temporary name repeats so many.
+/// Bytes of a name that a temporary name repeats, so that it stays within the 255 of the file systems.
 const REPEATED_BYTES: usize = 200;
 
 /// Bytes that the disk holds of a file, fewer than its length where it has holes; 0 as well where the file system does not say.

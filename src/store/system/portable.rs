@@ -52,7 +52,7 @@ pub(in crate::store) fn next_data(file: &File, offset: u64) -> io::Result<Option
     Ok((offset < file.metadata()?.len()).then_some(offset))
 }
 
-/// Without maps nobody asks; a disk elsewhere is the careful answer.
+/// Not known: a disk elsewhere is the careful answer, and there are no maps to use otherwise.
 pub(in crate::store) fn is_local(_file: &File) -> bool {
     false
 }

@@ -79,6 +79,13 @@ fn the_command_for_a_scene_file_renders_it() {
 }
 
 #[test]
+fn a_scene_file_that_names_another_scene_is_one() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("view.toml"), "scene = \"room.glb\"\n").unwrap();
+    assert_eq!(proposed(folder.path()), ["ltm render view.toml --pack"]);
+}
+
+#[test]
 fn the_command_for_geometry_alone_writes_a_scene_file_that_renders() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("it's.obj"), "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nf 3 2 1\n").unwrap();

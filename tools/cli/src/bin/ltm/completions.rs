@@ -19,7 +19,7 @@ pub(crate) struct Completions {
 /// Prints the script of this program, then those of the other programs that are found, each by its own word.
 pub(crate) fn run(options: &Completions) -> Result<()> {
     write_completions(Arguments::command(), "ltm", options.shell)?;
-    for program in ["ltm-pack", "ltm-unpack", "ltm-view"] {
+    for (program, _) in sibling::PROGRAMS {
         let mut command = Command::new(sibling::place_of(program));
         command.args([COMPLETIONS, &options.shell.to_string()]).stdin(Stdio::null()).stderr(Stdio::null());
         if let Ok(output) = command.output()

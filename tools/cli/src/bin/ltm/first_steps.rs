@@ -78,9 +78,10 @@ fn steps_of(names: &[PathBuf], folder: &Path) -> Vec<Step> {
     steps.extend(with(&["ltc"]).into_iter().map(of_container));
     steps.extend(with(&["ltm"]).into_iter().filter(|name| lacks(name, "ltc")).map(of_matrix));
     steps.extend(with(&["glb", "gltf"]).into_iter().filter(|name| lacks(name, "ltc")).map(of_scene));
-    let scenes: Vec<&Path> = with(&["toml"]).into_iter().filter(|name| is_scene_file(&folder.join(name))).collect();
-    steps.extend(scenes.iter().copied().filter(|name| lacks(name, "ltc")).map(of_scene));
-    let is_named = |name: &Path| scenes.iter().any(|scene| names_geometry(&folder.join(scene), name));
+    let texts = with(&["toml"]).into_iter().filter_map(|name| Some((name, toml_text(&folder.join(name))?)));
+    let scenes: Vec<(&Path, String)> = texts.filter(|(_, text)| is_scene_text(text)).collect();
+    steps.extend(scenes.iter().map(|(name, _)| *name).filter(|name| lacks(name, "ltc")).map(of_scene));
+    let is_named = |name: &Path| name.to_str().is_some_and(|name| scenes.iter().any(|(_, text)| text.contains(name)));
     steps.extend(with(&["obj"]).into_iter().filter(|name| !is_named(name)).map(of_geometry));
     let is_exported = |name: &&Path| lacks(name, "glb") && lacks(name, "ltc") && lacks(name, "gltf");
     steps.extend(with(&["blend"]).into_iter().filter(is_exported).map(of_blend));
@@ -108,7 +109,7 @@ fn of_scene(name: &Path) -> Step {
     Step { command: format!("ltm render {} --pack", shell::word(name)), result }
 }
 
-/// Geometry alone has no camera: a scene file is begun, whose camera the user sets.
+/// An OBJ file renders by itself with all of it in view; a scene file is begun, whose camera and lights the user sets.
 fn of_geometry(name: &Path) -> Step {
     let scene = name.with_extension("toml");
     let geometry = name.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\"");
@@ -173,14 +174,6 @@ fn pattern_of(names: &[&Path]) -> Option<(PathBuf, PathBuf)> {
 /// A small TOML file as text.
 fn toml_text(path: &Path) -> Option<String> {
     ltm::files::read_input_text(path, "read", MAX_TOML_BYTES).ok()
-}
-
-fn is_scene_file(path: &Path) -> bool {
-    toml_text(path).is_some_and(|text| is_scene_text(&text))
-}
-
-fn names_geometry(scene: &Path, name: &Path) -> bool {
-    toml_text(scene).zip(name.to_str()).is_some_and(|(text, name)| text.contains(name))
 }
 
 #[cfg(test)]

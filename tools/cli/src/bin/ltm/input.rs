@@ -112,9 +112,8 @@ pub(crate) fn is_scene(path: &Path) -> bool {
     ["toml", "glb", "gltf", "obj"].contains(&&*extension)
 }
 
-/// Whether a TOML text is that of a scene file, which names geometry and a camera; a look does neither.
+/// Whether a TOML text is that of a scene file, which names geometry or another scene; a look does neither.
 pub(crate) fn is_scene_text(text: &str) -> bool {
     let begins = |line: &str, key: &str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='));
-    let has_geometry = text.lines().any(|line| begins(line.trim_start(), "geometry"));
-    has_geometry && text.lines().any(|line| line.trim_start().starts_with("[camera]"))
+    text.lines().any(|line| ["geometry", "scene"].iter().any(|key| begins(line.trim_start(), key)))
 }

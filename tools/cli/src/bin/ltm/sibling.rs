@@ -16,11 +16,15 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// These.
+    /// Arguments to pass on.
     pub(crate) fn of(rest: impl IntoIterator<Item = OsString>) -> Self {
         Self { rest: rest.into_iter().collect() }
     }
 }
+
+/// The other programs of a release, each with what it is for.
+pub(crate) const PROGRAMS: [(&str, &str); 3] =
+    [("ltm-pack", "packing files"), ("ltm-unpack", "taking containers apart"), ("ltm-view", "ltm view")];
 
 /// Whether a program of ours is there, beside this one or on the search path.
 pub(crate) fn is_installed(program: &str) -> bool {
@@ -38,8 +42,10 @@ pub(crate) fn place_of(program: &str) -> PathBuf {
 
 /// What to do where a program of ours is missing.
 pub(crate) fn how_to_install(program: &str) -> String {
-    let folder = if program == "ltm-view" || program == "ltm-study" { &program[4..] } else { "cli" };
-    format!("pip install ltm has it; from source: cargo install --path tools/{folder}")
+    match program {
+        "ltm-view" | "ltm-study" => format!("from source: cargo install --path tools/{}", &program["ltm-".len()..]),
+        _ => "from source: cargo install --path tools/cli --features gpu,s3".into(),
+    }
 }
 
 /// Runs `program` in place of this one, see [`place_of`].

@@ -1,6 +1,6 @@
 //! Programs that this one works with.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::Finding;
@@ -18,8 +18,7 @@ except Exception as problem:
 
 /// The other programs of ltm, by their own word.
 pub(super) fn programs() -> Vec<Finding> {
-    let programs = [("ltm-pack", "packing files"), ("ltm-unpack", "taking containers apart"), ("ltm-view", "ltm view")];
-    programs
+    sibling::PROGRAMS
         .into_iter()
         .map(|(program, purpose)| match said(&sibling::place_of(program), &["--version"]) {
             Some(version) => {
@@ -57,7 +56,7 @@ pub(super) fn blender() -> Finding {
 
 /// The first line that a program prints; none where it is not there or fails.
 fn said(program: &Path, arguments: &[&str]) -> Option<String> {
-    let mut command = Command::new(PathBuf::from(program));
+    let mut command = Command::new(program);
     let output = command.args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     text.lines().next().filter(|_| output.status.success()).map(|line| line.trim().to_owned())
