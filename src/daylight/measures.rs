@@ -98,13 +98,13 @@ impl HourSums {
         self.sum == 0.0 && self.daylight[0] == 0
     }
 
-    /// The measures of the place. `used` and `day` are the numbers of steps in the time of use and with the sun up, of which so many make
-    /// an hour; `knows_sun` says whether direct sun was added.
-    pub fn measures(&self, used: u32, day: u32, steps_of_hour: f64, knows_sun: bool) -> AnnualMeasures {
+    /// The measures of the place. `used` and `day` are the numbers of steps in the time of use and with the sun up, each of `step_hours`
+    /// hours; `knows_sun` says whether direct sun was added.
+    pub fn measures(&self, used: u32, day: u32, step_hours: f64, knows_sun: bool) -> AnnualMeasures {
         let percent = |count: f64| (100.0 * count / f64::from(used.max(1))) as f32;
         let [above_100, above_300, above_3000] = self.useful.map(f64::from);
         let below = f64::from(used) - above_100;
-        let hours = |count: u32| (f64::from(count) / steps_of_hour) as f32;
+        let hours = |count: u32| (f64::from(count) * step_hours) as f32;
         let half = |count: u32| 2 * u64::from(count) >= u64::from(day) && day > 0;
         AnnualMeasures {
             values: [

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -189,7 +190,14 @@ impl ImageRows {
                 tiles[first..].iter_mut().zip(parts).for_each(|((_, rows), part)| rows.push(part));
             }
         }
-        tiles.into_par_iter().for_each_init(T::default, |memory, (begin, rows)| fill(memory, begin, rows));
+        // Kept from tile to tile, whichever thread has it next: rayon would begin anew wherever work is stolen.
+        let kept = Mutex::new(Vec::new());
+        let lock = || kept.lock().unwrap_or_else(PoisonError::into_inner);
+        tiles.into_par_iter().for_each(|(begin, rows)| {
+            let mut memory: T = lock().pop().unwrap_or_default();
+            fill(&mut memory, begin, rows);
+            lock().push(memory);
+        });
     }
 
     /// Fills each row of each plane in a region by a function of the row and the plane, on all threads. The function

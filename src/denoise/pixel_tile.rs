@@ -56,6 +56,8 @@ impl TileWindow {
         let before = reach.saturating_sub(tile.x);
         let first = (tile.x + before - reach).min(width - 1);
         let inside = (self.stride - before).min(width - first);
+        let planes = planes.into_iter();
+        self.values.reserve(planes.size_hint().0 * self.plane_length());
         for plane in planes {
             for y in 0..self.rows {
                 let row = image.row(plane, (tile.y + y).saturating_sub(reach).clamp(held.start, held.end - 1));

@@ -127,12 +127,11 @@ impl Climate {
         Ok(Self { site, steps, warnings })
     }
 
-    /// Steps of an hour, if all hours have as many; a year of 24 · 365 or 24 · 366 hours.
-    pub fn steps_of_hour(&self) -> Option<usize> {
-        [365, 366].into_iter().find_map(|days| {
-            let hours = 24 * days;
-            (self.steps.len().is_multiple_of(hours) && self.steps.len() >= hours).then_some(self.steps.len() / hours)
-        })
+    /// Hours that a step stands for: the least time between two steps of a day, one hour where no day has two.
+    pub fn step_hours(&self) -> f64 {
+        let in_a_day = self.steps.windows(2).filter(|pair| (pair[0].month, pair[0].day) == (pair[1].month, pair[1].day));
+        let least = in_a_day.map(|pair| pair[1].hour - pair[0].hour).fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 1.0 }
     }
 }
 
@@ -260,10 +259,10 @@ mod tests {
     #[test]
     fn years_with_and_without_a_leap_day_are_read() {
         let year = Climate::parse("a", &epw_year(false)).unwrap();
-        assert_eq!((year.steps.len(), year.steps_of_hour()), (8760, Some(1)));
+        assert_eq!((year.steps.len(), year.step_hours()), (8760, 1.0));
         assert_eq!((year.steps[12].hour, year.steps[8759].day_of_year), (12.5, 365));
         let leap = Climate::parse("a", &epw_year(true)).unwrap();
-        assert_eq!((leap.steps.len(), leap.steps_of_hour()), (8784, Some(1)));
+        assert_eq!((leap.steps.len(), leap.step_hours()), (8784, 1.0));
         // 29 February and 1 March: as Radiance counts them.
         assert_eq!((leap.steps[59 * 24].day_of_year, leap.steps[60 * 24].day_of_year), (60, 61));
         assert_eq!(leap.steps[8783].day_of_year, 366);
@@ -297,7 +296,10 @@ mod tests {
     #[test]
     fn a_wea_file_may_leave_hours_out_and_a_polar_site_is_told() {
         let some = Climate::parse("a", &format!("{WEA}1 1 8.5 1 1\n6 1 8.5 -1 1\n")).unwrap();
-        assert_eq!((some.steps.len(), some.steps_of_hour()), (2, None));
+        assert_eq!((some.steps.len(), some.step_hours()), (2, 1.0));
+        // Quarters of an hour of one morning.
+        let quarters = Climate::parse("a", &format!("{WEA}1 1 8.125 1 1\n1 1 8.375 1 1\n1 1 9.125 1 1\n")).unwrap();
+        assert_eq!(quarters.step_hours(), 0.25);
         assert!(some.warnings.iter().any(|warning| warning.text.contains("1 hours have negative light")));
         let polar = Climate::parse("a", &format!("{}1 1 8.5 1 1\n", WEA.replace("48", "78"))).unwrap();
         assert!(polar.warnings.iter().any(|warning| warning.text.contains("polar circle")));

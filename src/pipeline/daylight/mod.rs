@@ -170,9 +170,8 @@ pub fn daylight(
     if let Some(file) = file {
         file.finish()?;
     }
-    let steps_of_hour = climate.steps_of_hour().unwrap_or(1) as f64;
     let sums = sums.into_inner().expect("no panic holds it");
-    let of = |sums: &HourSums| sums.measures(year.used, year.day, steps_of_hour, year.knows_sun);
+    let of = |sums: &HourSums| sums.measures(year.used, year.day, climate.step_hours(), year.knows_sun);
     let mut measures: Vec<AnnualMeasures> = sums.iter().map(of).collect();
     let least = match source {
         DaylightSource::Container(_) => LEFT_OVER * median(measures.iter().map(|pixel| pixel.values[MEAN])),

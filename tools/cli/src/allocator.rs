@@ -9,8 +9,15 @@ use crate::console::{end_at_once, write_unlocked};
 /// Exit code of a program that the system refuses memory: that of [`ltm::Error::Resources`].
 const NO_MEMORY: i32 = 6;
 
-/// Bytes from which a piece of memory is the system's own again once it is freed.
-const MAPPED_FROM: usize = 128 << 10;
+/// Bytes from which glibc maps a piece by itself, unless it is told otherwise.
+const MAPPED_AT_FIRST: usize = 128 << 10;
+
+/// Bytes from which a piece of memory is the system's own again once it is freed. Smaller ones are used again, since fresh memory
+/// from the system is slow (decision 81).
+const MAPPED_FROM: usize = 4 << 20;
+
+/// Bytes that are free at the end of a heap before they go back to the system.
+const TRIMMED_FROM: usize = 8 << 20;
 
 /// Keeps the programs within the memory that they state (decisions 44 and 81): the system's allocator, told to give large pieces back.
 ///
@@ -51,14 +58,15 @@ unsafe impl GlobalAlloc for Ending {
 /// raises the bound with it, so that blocks come to lie between small pieces that live on, and their memory never returns.
 fn give_back_large_pieces(bytes: usize) {
     static TOLD: AtomicBool = AtomicBool::new(false);
-    if bytes < MAPPED_FROM || TOLD.load(Ordering::Relaxed) || TOLD.swap(true, Ordering::Relaxed) {
+    if bytes < MAPPED_AT_FIRST || TOLD.load(Ordering::Relaxed) || TOLD.swap(true, Ordering::Relaxed) {
         return;
     }
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     #[expect(unsafe_code, reason = "the C library's allocator is set through its own interface only")]
-    // SAFETY: a call with a parameter and a value of the C library's own; it locks what it changes.
+    // SAFETY: calls with a parameter and a value of the C library's own; it locks what it changes.
     unsafe {
         libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_FROM as libc::c_int);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, TRIMMED_FROM as libc::c_int);
     }
 }
 
