@@ -214,12 +214,6 @@ impl Warnings {
         self.0.append(&mut other.0);
     }
 
-    /// Keeps those of which `keeps` is true.
-    #[cfg(feature = "scene")]
-    pub(crate) fn retain(&mut self, keeps: impl FnMut(&Warning) -> bool) {
-        self.0.retain(keeps);
-    }
-
     /// As lines in the words of a front end.
     #[must_use]
     pub fn worded(&self, wording: Wording) -> Vec<String> {

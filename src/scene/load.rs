@@ -16,7 +16,7 @@ use super::memory::MemoryBound;
 use super::resolve_materials::{Decided, MaterialResolver};
 use super::source::{Description, Geometry, SourceMaterial};
 use super::textures::Textures;
-use super::{Camera, LoadedScene, RenderSettings, Scene, Sensors, names, sensors, validate};
+use super::{Camera, LoadedScene, NamedCamera, RenderSettings, Scene, Sensors, names, sensors, validate};
 use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::files::read_input_text;
 use crate::light::names::fits;
@@ -52,9 +52,6 @@ pub fn grid_names(path: &Path) -> Result<(Vec<String>, bool)> {
 
 /// Texels of the sky over a scene without lights: enough to turn it and to put a sun into it.
 const EVEN_SKY_TEXELS: [u32; 2] = [16, 8];
-
-/// What is said of a file without one.
-const NO_CAMERA: &str = "has no camera: one from which all of it is seen is used";
 
 /// What a scene is allowed to lack, to read and to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -116,7 +113,7 @@ pub(super) struct Unchecked {
     pub(super) scene: Scene,
     settings: RenderSettings,
     /// Cameras of a glTF file, by the names of their nodes.
-    pub(super) cameras: Vec<(String, Camera)>,
+    pub(super) cameras: Vec<NamedCamera>,
     pub(super) warnings: Warnings,
 }
 
@@ -124,7 +121,7 @@ pub(super) struct Unchecked {
 pub(super) fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
     let memory = MemoryBound::of(options.memory_bytes.unwrap_or(u64::MAX));
     if is_gltf(path) || is_obj(path) {
-        return load_geometry(path, options, memory);
+        return load_geometry(path, options, memory, false);
     }
     load_toml(path, options, memory)
 }
@@ -184,7 +181,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
             let problem = "names a scene, and has geometry, lights, grids, materials or a unit as well";
             return Err(Error::input(place, problem, "leave only [camera] and [render] beside 'scene'"));
         }
-        let base = load_scene_of(&place, &folders.find(&base, &place)?, options, memory)?;
+        let base = load_scene_of(&place, &folders.find(&base, &place)?, options, memory, camera.is_some())?;
         return with_camera_of(&place, (name, camera), settings, base);
     }
     let Some(files) = files else {
@@ -261,8 +258,6 @@ fn with_camera_of(
     if let Some(camera) = camera {
         base.scene.camera = camera_entry::camera(&camera, base.scene.origin, place)?;
         base.scene.shows_irradiance = camera.irradiance.unwrap_or(false);
-        // Which camera of the other file would be used does not matter.
-        base.warnings.retain(|warning| !warning.text.contains(NO_CAMERA) && warning.hint != Hint::ChooseCamera);
     }
     Ok(base)
 }
@@ -273,12 +268,18 @@ fn is_obj(path: &Path) -> bool {
 }
 
 /// The scene that a scene file at `place` names.
-fn load_scene_of(place: &str, path: &Path, options: &LoadOptions, memory: MemoryBound) -> Result<Unchecked> {
+fn load_scene_of(
+    place: &str,
+    path: &Path,
+    options: &LoadOptions,
+    memory: MemoryBound,
+    has_other_camera: bool,
+) -> Result<Unchecked> {
     if !(is_gltf(path) || is_obj(path)) {
         let problem = format!("{} is neither an OBJ nor a glTF file", path.display());
         return Err(Error::input(place, problem, "give scene = \"room.glb\", or geometry and lights of your own"));
     }
-    load_geometry(path, options, memory)
+    load_geometry(path, options, memory, has_other_camera)
 }
 
 /// Only scene files have grids of sensors.
@@ -289,8 +290,13 @@ fn refuse_grid(place: &str, options: &LoadOptions) -> Result<()> {
 }
 
 /// A glTF or OBJ file as a scene of its own: its camera, or one that has all of it in view; its lamps and all that emits in it or, in an OBJ file
-/// where nothing emits, an even sky.
-fn load_geometry(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
+/// where nothing emits, an even sky. `has_other_camera`: the caller has one that replaces it.
+fn load_geometry(
+    path: &Path,
+    options: &LoadOptions,
+    mut memory: MemoryBound,
+    has_other_camera: bool,
+) -> Result<Unchecked> {
     let place = path.display().to_string();
     refuse_grid(&place, options)?;
     let folders = Folders::of(path, options.allow_outside);
@@ -301,9 +307,17 @@ fn load_geometry(path: &Path, options: &LoadOptions, mut memory: MemoryBound) ->
         return Err(Error::input(place, "has no triangles", hint));
     }
     let origin = geometry.settle(&place, &mut warnings);
-    let seen = |camera: &FileCamera| Some((camera.name.clone(), camera.camera(origin).ok()?));
+    let seen = |of: &FileCamera| {
+        let camera = of.camera(origin).ok()?;
+        Some(NamedCamera { name: of.name.clone(), own_name: of.own_name.clone(), camera })
+    };
     let cameras = extras.cameras.iter().filter_map(seen).collect();
-    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, origin, &place, &mut warnings)?;
+    // Which camera of the file is used does not matter where another replaces it.
+    let mut told = Warnings::new();
+    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, origin, &place, &mut told)?;
+    if !has_other_camera {
+        warnings.append(&mut told);
+    }
     let made = build(
         Read {
             place: &place,
@@ -354,7 +368,7 @@ fn choose_camera(
         None => cameras.first(),
     };
     let Some(chosen) = chosen else {
-        warnings.push(format!("{place}: {NO_CAMERA}"));
+        warnings.push(format!("{place}: has no camera: one from which all of it is seen is used"));
         return seeing_all(&geometry.mesh);
     };
     if cameras.len() > 1 {

@@ -14,12 +14,23 @@ pub struct LoadedScene {
     pub settings: RenderSettings,
     /// The light that the scene file gives: every light's emission, and an environment's map texel by texel.
     pub lighting: Lighting,
-    /// The cameras of a glTF file, by the names of their nodes; none of another file, whose only one the scene has.
-    pub cameras: Vec<(String, Camera)>,
+    /// The cameras of a glTF file; none of another file, whose only one the scene has.
+    pub cameras: Vec<NamedCamera>,
     /// What was mended or looks wrong, one line each, for people.
     pub warnings: Warnings,
     /// [`content_hash`] of the scene with these settings.
     pub content: [u8; 32],
+}
+
+/// A camera of a glTF file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedCamera {
+    /// The name of its node.
+    pub name: String,
+    /// The camera's own name, which may differ.
+    pub own_name: Option<String>,
+    /// The camera.
+    pub camera: Camera,
 }
 
 /// Render settings of a scene.
@@ -59,6 +70,13 @@ impl LoadedScene {
         self.scene.has_planes(self.settings.samples_per_pixel)
     }
 
+    /// The camera of that name: of a node, else a camera's own.
+    pub fn camera_named(&self, name: &str) -> Option<&Camera> {
+        let by_node = self.cameras.iter().find(|camera| camera.name == name);
+        let by_own = || self.cameras.iter().find(|camera| camera.own_name.as_deref() == Some(name));
+        by_node.or_else(by_own).map(|found| &found.camera)
+    }
+
     /// The same scene with pixels that show the irradiance of what they see, and not its radiance.
     #[must_use]
     pub fn showing_irradiance(mut self) -> Self {
@@ -73,7 +91,9 @@ impl LoadedScene {
         if self.scene.sensors.is_some() {
             return self;
         }
-        for camera in std::iter::once(&mut self.scene.camera).chain(self.cameras.iter_mut().map(|(_, camera)| camera)) {
+        for camera in
+            std::iter::once(&mut self.scene.camera).chain(self.cameras.iter_mut().map(|named| &mut named.camera))
+        {
             (camera.width, camera.height) = (width, height);
         }
         self.content = content_hash(&self.scene, self.settings.max_depth);

@@ -58,7 +58,7 @@ pub use emitter::{
 pub use furnished_room::furnished_room;
 pub use lens::Lens;
 pub use load::{LoadOptions, grid_names, load, load_with};
-pub use loaded::{LoadedScene, RenderSettings};
+pub use loaded::{LoadedScene, NamedCamera, RenderSettings};
 pub use material::{
     FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,
 };

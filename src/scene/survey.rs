@@ -36,7 +36,7 @@ pub fn survey(path: &Path, options: &LoadOptions) -> Result<SceneSurvey> {
     };
     let mut triangles = vec![0; scene.materials.len()];
     scene.mesh.triangles.iter().for_each(|t| triangles[t.material.0 as usize] += 1);
-    let cameras = cameras.into_iter().map(|(name, _)| name).collect();
+    let cameras = cameras.into_iter().map(|camera| camera.name).collect();
     Ok(SceneSurvey { scene, cameras, triangles, warnings, refused })
 }
 

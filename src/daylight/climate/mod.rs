@@ -129,7 +129,8 @@ impl Climate {
 
     /// Hours that a step stands for: the least time between two steps of a day, one hour where no day has two.
     pub fn step_hours(&self) -> f64 {
-        let in_a_day = self.steps.windows(2).filter(|pair| (pair[0].month, pair[0].day) == (pair[1].month, pair[1].day));
+        let in_a_day =
+            self.steps.windows(2).filter(|pair| (pair[0].month, pair[0].day) == (pair[1].month, pair[1].day));
         let least = in_a_day.map(|pair| pair[1].hour - pair[0].hour).fold(f64::INFINITY, f64::min);
         if least.is_finite() { least } else { 1.0 }
     }

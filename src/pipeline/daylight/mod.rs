@@ -94,13 +94,16 @@ impl DaylightSource<'_> {
         })
     }
 
-    /// Largest inner width of a block.
-    fn largest_rank(&self) -> usize {
+    /// Upper bound of the bytes of a block over so many hours.
+    fn block_bytes(&self, hours: usize) -> u64 {
+        let shape = self.job().shape;
+        let (pixels, columns) = ((shape.block_side() as usize).pow(2), shape.columns());
         match self {
             Self::Container(container) => {
-                container.job().shape.blocks().map(|id| container.rank(id)).max().unwrap_or(0)
+                let rank = shape.blocks().map(|id| container.rank(id)).max().unwrap_or(0);
+                BlockHours::bytes_of_factors(pixels, rank, columns, hours)
             }
-            Self::Stored(matrix) => matrix.job().shape.columns(),
+            Self::Stored(_) => shape.max_block_bytes() + BlockHours::bytes_of_entries(pixels, columns),
         }
     }
 }
@@ -127,11 +130,10 @@ pub fn daylight(
     let Job { shape, basis, .. } = source.job();
     let (pixels, block) = (shape.width() as usize * shape.height() as usize, shape.block_side() as usize);
     let (columns, steps) = (shape.columns(), climate.steps.len());
-    let inner = BlockHours::bytes(block * block, source.largest_rank(), columns, steps);
     let kept = if hours.is_some() { 4 * (block * block * steps) as u64 } else { 0 };
     let measured = pixels * (size_of::<AnnualMeasures>() + size_of::<HourSums>());
     let parts = [Held(YearLight::bytes(columns, steps)), Held(measured as u64)];
-    let need = ResourceEstimate::of(&[&parts[0], &parts[1], &PerThread(inner + kept + shape.max_block_bytes())]);
+    let need = ResourceEstimate::of(&[&parts[0], &parts[1], &PerThread(source.block_bytes(steps) + kept)]);
     let output = hours.unwrap_or(Path::new(place));
     let threads = Threads::new(need.admit("the year", output, &[], options.memory_bytes, watch)?)?;
     let mut year = YearLight::new(place, basis, climate, options)?;

@@ -103,9 +103,15 @@ impl BlockHours {
         Self { pixels, rank: texels, left, right: Vec::new(), entries }
     }
 
-    /// Bytes of the factors of a block of `pixels`, of an inner width of at most `rank`, over so many hours.
-    pub(super) fn bytes(pixels: usize, rank: usize, texels: usize, hours: usize) -> u64 {
-        4 * (pixels * rank + rank * hours + rank * texels) as u64
+    /// Upper bound of the bytes of a block of `pixels` of factors of a rank, over so many columns and hours.
+    pub(super) fn bytes_of_factors(pixels: usize, rank: usize, columns: usize, hours: usize) -> u64 {
+        // The factors as they are read, and what is made of them.
+        4 * (rank * (CHANNELS * pixels + columns) + rank * (pixels + hours + columns)) as u64
+    }
+
+    /// Upper bound of the bytes of a block of `pixels` of the entries of so many columns.
+    pub(super) fn bytes_of_entries(pixels: usize, columns: usize) -> u64 {
+        ((size_of::<f32>() + size_of::<(u32, u32, f32)>()) * pixels * columns) as u64
     }
 
     /// Adds the hours of all pixels.

@@ -182,8 +182,8 @@ impl YearLight {
 
     /// Bytes that it takes.
     pub(super) fn bytes(columns: usize, steps: usize) -> u64 {
-        // While it is made, each value is there twice.
-        2 * 4 * columns as u64 * steps as u64
+        // While it is made, each value of the sky is there twice. The sun is on four texels, twice where the sky is split, and on its place.
+        (2 * size_of::<f32>() * columns + 9 * size_of::<SunWeight>()) as u64 * steps as u64
     }
 }
 

@@ -86,12 +86,12 @@ fn a_scene_file_that_names_another_scene_is_one() {
 }
 
 #[test]
-fn the_command_for_geometry_alone_writes_a_scene_file_that_renders() {
+fn geometry_alone_is_rendered_in_the_window_where_its_view_is_chosen() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("it's.obj"), "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nf 3 2 1\n").unwrap();
     let commands = proposed(folder.path());
-    in_shell(folder.path(), &commands[0]);
-    in_shell(folder.path(), "ltm render \"it's.toml\" --pack --samples 1 --size 32x32");
+    let file = commands[0].strip_prefix("ltm view ").unwrap();
+    in_shell(folder.path(), &format!("ltm render {file} --pack --samples 1 --size 32x32"));
 }
 
 #[test]

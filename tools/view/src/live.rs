@@ -9,12 +9,11 @@ use std::time::Instant;
 use glam::{DVec3, Vec2};
 
 use super::system::lower_priority;
-use super::words::line;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 use ltm::pipeline::{self, Estimate, PackOptions, ProgressiveRender};
 use ltm::resources::Progress;
-use ltm::scene::{Camera, LoadOptions};
+use ltm::scene::{Camera, LoadOptions, NamedCamera};
 
 /// Most pixels of the longer side of an outline, so that one comes with every frame of a drag.
 const OUTLINE_SIDE: u32 = 480;
@@ -41,8 +40,8 @@ pub struct LiveChoices {
 pub enum LiveEvent {
     /// The scene was read.
     Opened {
-        /// The cameras of a glTF file, by name.
-        cameras: Vec<(String, Camera)>,
+        /// The cameras of a glTF file.
+        cameras: Vec<NamedCamera>,
         /// The camera that is used.
         camera: Camera,
         /// Where the zero of the scene lies in its file's coordinates.
@@ -62,7 +61,7 @@ pub enum LiveEvent {
     /// An estimate of a view.
     Estimate(Camera, Box<Estimate>),
     /// The job cannot go on; another view may.
-    Failed(String),
+    Failed(Error),
 }
 
 /// A view to render.
@@ -159,7 +158,7 @@ impl LiveJob {
                 in_background(|| match Renderer::begin(&scene, &choices, memory_bytes, &shared, &outbox) {
                     Ok(renderer) => renderer.serve(&shared, &outbox),
                     Err(Error::Interrupted { .. }) => {}
-                    Err(error) => outbox.send(LiveEvent::Failed(line(&error))),
+                    Err(error) => outbox.send(LiveEvent::Failed(error)),
                 });
             })
         };
@@ -309,7 +308,7 @@ impl Renderer {
             rests = match wish {
                 (Some(discards), _) => {
                     if discards && let Err(error) = self.render.discard() {
-                        outbox.send(LiveEvent::Failed(line(&error)));
+                        outbox.send(LiveEvent::Failed(error));
                     }
                     return;
                 }
@@ -318,7 +317,7 @@ impl Renderer {
                         self.show_outline(outbox);
                         false
                     }
-                    Err(error) => failed(outbox, &error),
+                    Err(error) => failed(outbox, error),
                 },
                 (None, None) => {
                     if let Some((stage, _)) = self.render.next_stage() {
@@ -331,7 +330,7 @@ impl Renderer {
                         }
                         Ok(None) => true,
                         Err(Error::Interrupted { .. }) => false,
-                        Err(error) => failed(outbox, &error),
+                        Err(error) => failed(outbox, error),
                     }
                 }
             };
@@ -339,8 +338,8 @@ impl Renderer {
     }
 }
 
-fn failed(outbox: &Outbox, error: &Error) -> bool {
-    outbox.send(LiveEvent::Failed(line(error)));
+fn failed(outbox: &Outbox, error: Error) -> bool {
+    outbox.send(LiveEvent::Failed(error));
     true
 }
 
@@ -354,7 +353,7 @@ pub fn is_scene(path: &Path) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct LiveClock {
     seconds: f64,
-    expected_seconds: f64,
+    expected_seconds: Option<f64>,
     came: Instant,
 }
 
@@ -364,9 +363,9 @@ impl LiveClock {
         Self { seconds: estimate.seconds, expected_seconds: estimate.expected_seconds, came: Instant::now() }
     }
 
-    /// Seconds so far, and those expected by the end, which are never fewer.
-    pub fn now(&self) -> (f64, f64) {
+    /// Seconds so far, and those expected by the end, which are never fewer, if they are known.
+    pub fn now(&self) -> (f64, Option<f64>) {
         let seconds = self.seconds + self.came.elapsed().as_secs_f64();
-        (seconds, self.expected_seconds.max(seconds))
+        (seconds, self.expected_seconds.map(|expected| expected.max(seconds)))
     }
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use toml_edit::{Array, DocumentMut, Item, Table, value};
 
 use ltm::error::{Error, Result};
@@ -77,7 +77,7 @@ fn new_scene_file(name: &str) -> DocumentMut {
     document
 }
 
-/// Sets the place, the direction and the projection of `[camera]`, in the file's coordinates; its other keys stay.
+/// Sets the place, the direction, the projection and the lens of `[camera]`, in the file's coordinates; its other keys stay.
 fn set_camera(document: &mut DocumentMut, camera: &Camera, origin: DVec3) -> Result<()> {
     let table = document.entry("camera").or_insert(Item::Table(Table::new()));
     let Some(table) = table.as_table_like_mut() else {
@@ -90,8 +90,23 @@ fn set_camera(document: &mut DocumentMut, camera: &Camera, origin: DVec3) -> Res
     table.remove("look_at");
     table.insert("direction", vector(camera.forward.to_array().map(short)));
     table.insert("up", vector(camera.up.to_array().map(short)));
-    for key in ["projection", "view_height", "vertical_fov_degrees"] {
+    let lens = ["aperture_radius", "focus_distance", "blades", "blade_rotation_degrees"];
+    for key in ["projection", "view_height", "vertical_fov_degrees", "shift", "pixel_aspect"].iter().chain(&lens) {
         table.remove(key);
+    }
+    if camera.shift != Vec2::ZERO {
+        table.insert("shift", value(Array::from_iter(camera.shift.to_array().map(short))));
+    }
+    if camera.pixel_aspect != 1.0 {
+        table.insert("pixel_aspect", value(short(camera.pixel_aspect)));
+    }
+    if let Some(lens) = camera.lens {
+        table.insert("aperture_radius", value(short(lens.radius)));
+        table.insert("focus_distance", value(short(lens.focus_distance)));
+        if lens.blades > 0 {
+            table.insert("blades", value(i64::from(lens.blades)));
+            table.insert("blade_rotation_degrees", value(short(lens.rotation_radians.to_degrees())));
+        }
     }
     match camera.projection {
         Projection::Perspective { vertical_fov_radians } => {
@@ -114,7 +129,7 @@ fn set_camera(document: &mut DocumentMut, camera: &Camera, origin: DVec3) -> Res
 mod tests {
     use super::*;
     use glam::Vec3;
-    use ltm::scene::{PixelFilter, load};
+    use ltm::scene::{Lens, PixelFilter, load};
 
     const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
 
@@ -150,6 +165,23 @@ mod tests {
         assert!(!saved.path.exists());
         fs::write(&saved.path, "geometry = [\"other.obj\"]\n").unwrap();
         assert!(save(&scene, &view(), origin).unwrap_err().to_string().contains("something else"));
+    }
+
+    #[test]
+    fn a_view_keeps_shift_pixels_and_lens_of_its_camera() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("room.obj");
+        fs::write(&scene, OBJ).unwrap();
+        let lens = Lens { radius: 0.125, focus_distance: 2.5, blades: 6, rotation_radians: 0.0 };
+        let seen = view().shifted(Vec2::new(0.25, -0.5)).unwrap().with_pixel_aspect(1.5).unwrap();
+        let seen = seen.with_lens(lens).unwrap();
+        let saved = save(&scene, &seen, load(&scene).unwrap().scene.origin).unwrap();
+        let read = camera_of(&saved.path);
+        assert_eq!((read.shift, read.pixel_aspect, read.lens), (seen.shift, seen.pixel_aspect, seen.lens));
+        // A camera without them takes them out again.
+        let saved = save(&scene, &view(), load(&scene).unwrap().scene.origin).unwrap();
+        let read = camera_of(&saved.path);
+        assert_eq!((read.shift, read.pixel_aspect, read.lens), (Vec2::ZERO, 1.0, None));
     }
 
     fn camera_of(path: &Path) -> Camera {

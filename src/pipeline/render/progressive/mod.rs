@@ -9,6 +9,7 @@ mod cost;
 mod stage;
 mod stages;
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -50,8 +51,9 @@ pub struct Estimate {
     pub error: Option<f64>,
     /// Wall-clock seconds since the view was begun.
     pub seconds: f64,
-    /// Wall-clock seconds since the view was begun by which the finished container is expected.
-    pub expected_seconds: f64,
+    /// Wall-clock seconds since the view was begun by which the finished container is expected; `None` where nothing was rendered yet, as
+    /// the estimate is of an earlier run.
+    pub expected_seconds: Option<f64>,
     /// How it was rendered; `None` where it was found finished.
     pub reports: Option<(RenderReport, Box<PackReport>)>,
 }
@@ -85,6 +87,8 @@ pub struct ProgressiveRender {
     loaded: (Camera, [u8; 32]),
     camera: Camera,
     path: PathBuf,
+    /// Where the containers of earlier views stand.
+    earlier: BTreeSet<PathBuf>,
     /// Keeps other processes from rendering to the path; `None` where nothing is to be rendered.
     lock: Option<OutputLock>,
     options: PackOptions,
@@ -152,6 +156,7 @@ impl ProgressiveRender {
             loaded: (camera, content),
             camera,
             path: path.to_owned(),
+            earlier: BTreeSet::new(),
             lock,
             options,
             stages,
@@ -188,7 +193,8 @@ impl ProgressiveRender {
             self.lock = Some(OutputLock::of(path)?);
         }
         (self.is_found, self.options.container.overwrite) = (is_found, overwrite);
-        (self.camera, self.path) = (camera, path.to_owned());
+        self.earlier.insert(std::mem::replace(&mut self.path, path.to_owned()));
+        self.camera = camera;
         self.stages = Stages::new((camera.width, camera.height), self.settings.samples_per_pixel);
         (self.begun, self.spent, self.is_done) = (Instant::now(), 0.0, false);
         self.find_early();
@@ -225,12 +231,12 @@ impl ProgressiveRender {
             return Ok(None);
         }
         if self.is_found {
-            let error = error_stated_in(&self.path)?;
+            let found = self.estimate(self.path.clone(), self.stages.last(), None)?;
             self.is_done = true;
-            return Ok(Some(self.estimate(self.path.clone(), self.stages.last(), error, None)));
+            return Ok(Some(found));
         }
         if let Some(found) = self.stages.take_found() {
-            return self.found(found);
+            return self.estimate(early_path(&self.path), found, None).map(Some);
         }
         let begun = Instant::now();
         let (stage, is_final) = self.choose();
@@ -247,14 +253,16 @@ impl ProgressiveRender {
         Ok(Some(estimate))
     }
 
-    /// Removes the early estimate and what is not finished of the view: nothing is left to go on with.
+    /// Removes the early estimates and what is not finished of all views: nothing is left to go on with.
     ///
     /// # Errors
     /// The system does not remove a file.
     pub fn discard(self) -> Result<()> {
-        remove(&early_path(&self.path))?;
-        let unfinished = files_of_pack(&self.path).into_iter().chain(files_of_pack(&early_path(&self.path)));
-        unfinished.into_iter().try_for_each(|path| remove(&path))
+        self.earlier.iter().chain([&self.path]).try_for_each(|path| {
+            let early = early_path(path);
+            let unfinished = files_of_pack(path).into_iter().chain(files_of_pack(&early));
+            unfinished.chain([early]).try_for_each(|path| remove(&path))
+        })
     }
 
     fn choose(&self) -> (RenderStage, bool) {
@@ -273,12 +281,6 @@ impl ProgressiveRender {
         if job.provenance.content == self.early_content(stage) && job.provenance.seed == self.settings.seed {
             self.stages.find(stage);
         }
-    }
-
-    fn found(&mut self, stage: RenderStage) -> Result<Option<Estimate>> {
-        let path = early_path(&self.path);
-        let error = error_stated_in(&path)?;
-        Ok(Some(self.estimate(path, stage, error, None)))
     }
 
     fn render_early(&mut self, stage: RenderStage, watch: &dyn Progress) -> Result<Estimate> {
@@ -300,7 +302,7 @@ impl ProgressiveRender {
             watch,
         )?;
         self.costs.add(stage, fused.tracing_seconds, fused.render.seconds);
-        Ok(self.rendered(path, stage, fused))
+        self.estimate(path, stage, Some((fused.render, Box::new(fused.packed))))
     }
 
     fn finish(&mut self, stage: RenderStage, watch: &dyn Progress) -> Result<Estimate> {
@@ -314,7 +316,7 @@ impl ProgressiveRender {
         let early = early_path(&path);
         let leftovers = files_of_pack(&early);
         std::iter::once(&early).chain(&leftovers).try_for_each(|path| remove(path))?;
-        Ok(self.rendered(path, stage, fused))
+        self.estimate(path, stage, Some((fused.render, Box::new(fused.packed))))
     }
 
     /// Renders and packs the scene from a camera with settings.
@@ -340,23 +342,25 @@ impl ProgressiveRender {
         begun.run(&self.tracer, watch)
     }
 
-    fn rendered(&self, path: PathBuf, stage: RenderStage, fused: Fused) -> Estimate {
-        let Fused { render, packed, .. } = fused;
-        let error = stated_error(packed.denoising, packed.relative_l2);
-        self.estimate(path, stage, error, Some((render, Box::new(packed))))
-    }
-
     fn estimate(
         &self,
         path: PathBuf,
         stage: RenderStage,
-        error: Option<f64>,
         reports: Option<(RenderReport, Box<PackReport>)>,
-    ) -> Estimate {
-        let is_final = path == self.path;
+    ) -> Result<Estimate> {
+        let (is_final, error) = (path == self.path, stated_error_of(&path)?);
         let seconds = self.begun.elapsed().as_secs_f64();
-        let left = if is_final { 0.0 } else { self.costs.seconds(self.stages.last()) };
-        Estimate { path, stage, is_final, error, seconds, expected_seconds: seconds + left, reports }
+        let left =
+            if is_final { Some(0.0) } else { self.costs.is_known().then(|| self.costs.seconds(self.stages.last())) };
+        Ok(Estimate {
+            path,
+            stage,
+            is_final,
+            error,
+            seconds,
+            expected_seconds: left.map(|left| seconds + left),
+            reports,
+        })
     }
 
     /// What tells an early estimate of this view from others.
@@ -390,18 +394,15 @@ fn reduced(camera: Camera, stage: RenderStage) -> Camera {
     coarse
 }
 
-/// What a container that an earlier run has left states.
-fn error_stated_in(path: &Path) -> Result<Option<f64>> {
+/// What a container states of its images of single lights or groups of lights, as relative L2: what denoising and packing leave, as
+/// independent errors.
+fn stated_error_of(path: &Path) -> Result<Option<f64>> {
     let container = ContainerReader::open(path)?;
     let StatedErrors { denoising, lights, .. } = container.errors();
-    Ok(stated_error(*denoising, lights.map_or(0.0, |lights| f64::from(lights.single_mean))))
-}
-
-/// Relative L2 of images of groups of lights: what denoising and packing leave, as independent errors.
-fn stated_error(denoising: Option<DenoiseErrors>, packing: f64) -> Option<f64> {
-    let denoising = denoising?;
-    let squares = [f64::from(denoising.noise_after), f64::from(denoising.bias), packing].map(|error| error * error);
-    Some(squares.iter().sum::<f64>().sqrt()).filter(|error| error.is_finite())
+    let Some(DenoiseErrors { noise_after, bias, .. }) = *denoising else { return Ok(None) };
+    let errors = [noise_after, bias, lights.map_or(0.0, |lights| lights.single_mean)];
+    let squares = errors.map(|error| f64::from(error) * f64::from(error));
+    Ok(Some(squares.iter().sum::<f64>().sqrt()).filter(|error| error.is_finite()))
 }
 
 fn remove(path: &Path) -> Result<()> {

@@ -65,9 +65,10 @@ class Estimate:
     is_final: bool
     #: Stated error: estimated relative L2 of images of single lights against infinitely many samples; None where it is not known.
     error: float | None
-    #: Seconds since the start, and those by which the finished container is expected.
+    #: Seconds since the start.
     seconds: float
-    expected_seconds: float
+    #: Seconds since the start by which the finished container is expected; None where nothing is known yet.
+    expected_seconds: float | None
 
     def open(self) -> Matrix:
         """Opens the container; close it as any other."""

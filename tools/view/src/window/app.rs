@@ -580,6 +580,9 @@ impl App {
             screenshot.frames = screenshot.frames.max(1);
             return;
         }
+        if let Some(error) = self.rendering.as_mut().and_then(Rendering::take_error) {
+            return self.fail(context, error);
+        }
         if screenshot.frames > 0 {
             screenshot.frames -= 1;
             return;

@@ -7,6 +7,7 @@ use super::message::Message;
 use super::rendering::{Rendering, ShownEstimate};
 use super::theme::{ACCENT, ALARM, TEXT, WEAK};
 use crate::camera_moves::{CameraMove, FOV_RANGE};
+use ltm::scene::NamedCamera;
 
 /// What is asked for in the bar beside what it does itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +87,7 @@ fn cameras(ui: &mut Ui, rendering: &mut Rendering, document: Option<&Document>) 
     ui.add_enabled_ui(is_known, |ui| {
         ui.menu_button("Camera", |ui| {
             ui.set_min_width(250.0);
-            for (name, camera) in rendering.cameras.clone() {
+            for NamedCamera { name, camera, .. } in rendering.cameras.clone() {
                 let is_shown = rendering.view.as_ref().is_some_and(|view| view.camera == camera);
                 if ui.selectable_label(is_shown, name).clicked() {
                     rendering.look_through(camera);
@@ -94,7 +95,7 @@ fn cameras(ui: &mut Ui, rendering: &mut Rendering, document: Option<&Document>) 
             }
             if let Some(own) = rendering.own {
                 let is_shown = rendering.view.as_ref().is_some_and(|view| view.camera == own);
-                let is_listed = rendering.cameras.iter().any(|(_, camera)| *camera == own);
+                let is_listed = rendering.cameras.iter().any(|named| named.camera == own);
                 if !is_listed && ui.selectable_label(is_shown, "The scene's").clicked() {
                     rendering.look_through(own);
                 }
@@ -166,7 +167,10 @@ fn state_in_words(rendering: &Rendering) -> (String, bool) {
     let (now, expected) = clock.now();
     let time = match &rendering.job {
         Some(job) if job.is_paused() => "paused".to_owned(),
-        Some(_) => format!("{} of about {}", in_words(now), in_words(expected)),
+        Some(_) => match expected {
+            Some(expected) => format!("{} of about {}", in_words(now), in_words(expected)),
+            None => in_words(now),
+        },
         None => "stopped".to_owned(),
     };
     (format!("Early picture: {stage}, {error}, {time}"), true)

@@ -14,8 +14,9 @@ use crate::camera_moves::{CameraMove, MovingCamera};
 use crate::display::Display;
 use crate::live::{LiveChoices, LiveClock, LiveEvent, LiveJob, LiveView, output_of};
 use crate::saved_view::{self, Saved};
+use ltm::error::Error;
 use ltm::pipeline::{Estimate, RenderStage};
-use ltm::scene::Camera;
+use ltm::scene::{Camera, NamedCamera};
 
 /// Moves that can be undone.
 const MOST_UNDO: usize = 200;
@@ -43,7 +44,7 @@ pub(super) struct Rendering {
     /// None once it was stopped.
     pub(super) job: Option<LiveJob>,
     /// The cameras of a glTF file.
-    pub(super) cameras: Vec<(String, Camera)>,
+    pub(super) cameras: Vec<NamedCamera>,
     /// The scene's camera, and the newest view; none before the scene was read.
     pub(super) own: Option<Camera>,
     pub(super) view: Option<MovingCamera>,
@@ -55,8 +56,14 @@ pub(super) struct Rendering {
     pub(super) shown: Option<ShownEstimate>,
     /// An estimate that is not shown yet.
     next: Option<(Box<Document>, ShownEstimate)>,
+    /// A warning of the scene that is not shown yet, as there was no document.
+    warning: Option<String>,
+    /// The view that a job that begins anew goes on with, once the scene is read.
+    resumed: Option<MovingCamera>,
     /// Why the job does not go on.
     pub(super) failed: Option<String>,
+    /// The same as it came.
+    error: Option<Error>,
     /// What saving views has replaced.
     saved: Vec<Saved>,
 }
@@ -78,17 +85,21 @@ impl Rendering {
             outline: None,
             shown: None,
             next: None,
+            warning: None,
+            resumed: None,
             failed: None,
+            error: None,
             saved: Vec::new(),
         }
     }
 
-    /// Begins anew, with the scene as it is on the disk now.
+    /// Begins anew, with the scene as it is on the disk now, and goes on with a view that was moved.
     pub(super) fn restart(&mut self, context: &egui::Context, memory: Option<u64>) {
         self.job = None;
         // What is not finished is of the older scene; what is, stays.
         let overwrite = self.choices.overwrite || !output_of(&self.scene, &self.choices).exists();
-        (self.own, self.view, self.next, self.failed) = (None, None, None, None);
+        self.resumed = self.view.filter(|view| self.own != Some(view.camera));
+        (self.own, self.view, self.next, self.failed, self.error) = (None, None, None, None, None);
         self.undo.clear();
         if let Some(shown) = &mut self.shown {
             shown.is_final = false;
@@ -112,6 +123,11 @@ impl Rendering {
         (self.shown.is_none() && self.failed.is_none() && self.job.is_some()) || self.next.is_some()
     }
 
+    /// Why there is no picture and none will come.
+    pub(super) fn take_error(&mut self) -> Option<Error> {
+        self.error.take().filter(|_| self.shown.is_none())
+    }
+
     fn is_newest(&self, camera: &Camera) -> bool {
         self.view.as_ref().is_none_or(|view| view.camera == *camera)
     }
@@ -124,8 +140,10 @@ impl Rendering {
                 LiveEvent::Opened { cameras, camera, origin, warnings } => {
                     (self.cameras, self.own, self.origin) = (cameras, Some(camera), origin);
                     self.view = Some(MovingCamera::new(camera, 1.0));
-                    if let (Some(document), Some(warning)) = (document.as_mut(), warnings.first()) {
-                        document.message = Some(Message::info(warning.clone()));
+                    self.warning = warnings.into_iter().next();
+                    if let Some(view) = self.resumed.take() {
+                        self.view = Some(view);
+                        self.set_view();
                     }
                 }
                 LiveEvent::Outline { camera, image, distance } => {
@@ -154,11 +172,17 @@ impl Rendering {
                     }
                 }
                 LiveEvent::Estimate(..) => {}
-                LiveEvent::Failed(message) => self.failed = Some(message),
+                LiveEvent::Failed(error) => {
+                    self.failed = Some(line(&error));
+                    self.error = Some(error);
+                }
             }
         }
         self.show_next(context, document);
         if let Some(document) = document {
+            if let Some(warning) = self.warning.take() {
+                document.message = Some(Message::info(warning));
+            }
             // Whoever renders it knows that it changes.
             document.files.changed = None;
             document.view.moves_camera = self.view.is_some() && self.job.is_some();

@@ -109,16 +109,11 @@ fn of_scene(name: &Path) -> Step {
     Step { command: format!("ltm render {} --pack", shell::word(name)), result }
 }
 
-/// An OBJ file renders by itself with all of it in view; a scene file is begun, whose camera and lights the user sets.
+/// An OBJ file renders by itself, with all of it in view under an even sky; the window moves the camera and saves it into a scene file.
 fn of_geometry(name: &Path) -> Step {
     let scene = name.with_extension("toml");
-    let geometry = name.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\"");
-    let text = format!(
-        "geometry = [\"{geometry}\"]\n[camera]\neye = [0, 1.6, 4]\nlook_at = [0, 1, 0]\n[[light]]\nkind = \"environment\"\ntexels = [16, 8]\n"
-    );
-    let lines: Vec<String> = text.lines().map(shell::quoted).collect();
-    let command = format!("printf '%s\\n' {} > {}", lines.join(" "), shell::word(&scene));
-    Step { command, result: format!("set its camera, then ltm render {} --preview=only", shell::word(&scene)) }
+    let result = format!("choose a view while it renders; Save the view begins {}, where lamps go", scene.display());
+    Step { command: format!("ltm view {}", shell::word(name)), result }
 }
 
 /// Blender itself exports cameras and lamps.

@@ -162,9 +162,8 @@ fn render_views(options: &Render, loaded: LoadedScene, output: &Path, console: &
     }
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let view = |name: &String| -> Result<SceneView> {
-        let found = loaded.cameras.iter().find(|(own, _)| own == name);
         let refuse = || {
-            let known: Vec<String> = loaded.cameras.iter().map(|(own, _)| format!("'{own}'")).collect();
+            let known: Vec<String> = loaded.cameras.iter().map(|camera| format!("'{}'", camera.name)).collect();
             let hint = if known.is_empty() {
                 "it has none; leave the name out".into()
             } else {
@@ -172,7 +171,7 @@ fn render_views(options: &Render, loaded: LoadedScene, output: &Path, console: &
             };
             Error::input(options.scene.display().to_string(), format!("has no camera '{name}'"), hint)
         };
-        let camera = found.ok_or_else(refuse)?.1;
+        let camera = *loaded.camera_named(name).ok_or_else(refuse)?;
         let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
         let name: String = name.chars().map(plain).collect();
         Ok(SceneView { camera, path: output.with_file_name(format!("{stem}-{name}.ltc")) })
