@@ -37,7 +37,7 @@ mod unpack;
 mod verify;
 
 pub use compare::{BlockComparison, WorstEntry, compare_matrices, total_relative_l2};
-pub use daylight::{DaylightOptions, DaylightSource, DaylightYear, daylight, write_ill, write_measures};
+pub use daylight::{DaylightOptions, DaylightSource, DaylightYear, daylight, lighting_at, write_ill, write_measures};
 pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};

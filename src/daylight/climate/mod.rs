@@ -38,6 +38,28 @@ pub enum Measured {
     },
 }
 
+impl Measured {
+    /// A share of the way to another; of another quantity the nearer one.
+    fn towards(self, other: Self, share: f64) -> Self {
+        let between = |from: f64, to: f64| from + share * (to - from);
+        match (self, other) {
+            (Self::Irradiance { direct, diffuse }, Self::Irradiance { direct: to_direct, diffuse: to_diffuse }) => {
+                Self::Irradiance { direct: between(direct, to_direct), diffuse: between(diffuse, to_diffuse) }
+            }
+            (Self::Illuminance { direct, diffuse }, Self::Illuminance { direct: to_direct, diffuse: to_diffuse }) => {
+                Self::Illuminance { direct: between(direct, to_direct), diffuse: between(diffuse, to_diffuse) }
+            }
+            _ => {
+                if share < 0.5 {
+                    self
+                } else {
+                    other
+                }
+            }
+        }
+    }
+}
+
 /// One time of a climate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClimateStep {
@@ -125,6 +147,35 @@ impl Climate {
             warnings.push(format!("{place}: {text}"));
         }
         Ok(Self { site, steps, warnings })
+    }
+
+    /// What is measured on a day (month, day) at an hour of the site's time: between two steps of the day in proportion, before its first
+    /// and after its last as there.
+    ///
+    /// # Errors
+    /// A day without steps; an hour that is none.
+    pub fn at(&self, (month, day): (u8, u8), hour: f64) -> Result<ClimateStep> {
+        let refuse = |problem: String, hint: &str| Err(Error::input(&*self.site.name, problem, hint));
+        if !(0.0..=24.0).contains(&hour) {
+            return refuse(format!("a day has no hour {hour}"), "give 0 to 24");
+        }
+        let of_day = |step: &&ClimateStep| (step.month, step.day) == (month, day);
+        let steps: Vec<&ClimateStep> = self.steps.iter().filter(of_day).collect();
+        let after = steps.partition_point(|step| step.hour < hour);
+        let (before, after) = match (after.checked_sub(1).map(|at| steps[at]), steps.get(after).copied()) {
+            (Some(before), Some(after)) => (before, after),
+            (Some(only), None) | (None, Some(only)) => (only, only),
+            (None, None) => {
+                return refuse(
+                    format!("has no hours on day {day} of month {month}"),
+                    "choose a day that the climate has",
+                );
+            }
+        };
+        let span = after.hour - before.hour;
+        let share = if span > 0.0 { (hour - before.hour) / span } else { 0.0 };
+        let nearest = if share < 0.5 { before } else { after };
+        Ok(ClimateStep { hour, measured: before.measured.towards(after.measured, share), ..*nearest })
     }
 
     /// Hours that a step stands for: the least time between two steps of a day, one hour where no day has two.

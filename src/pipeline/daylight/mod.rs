@@ -3,6 +3,7 @@
 mod hours_file;
 mod output;
 mod product;
+mod sky_lights;
 mod year_light;
 
 use std::path::Path;
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 use self::hours_file::HoursFile;
 pub use self::output::{write_ill, write_measures};
 use self::product::{BlockHours, PixelHours};
+pub use self::sky_lights::lighting_at;
 use self::year_light::YearLight;
 use crate::container::ContainerReader;
 use crate::daylight::{

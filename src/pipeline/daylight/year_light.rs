@@ -6,12 +6,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::DaylightOptions;
-use crate::daylight::{Climate, SkyModel, SkyTexels};
+use super::sky_lights::SkyLights;
+use crate::daylight::{Climate, SkyModel};
 use crate::error::{Error, Result};
-use crate::light::{Light, LightBasis, LightKind};
-
-/// Cosine between the sun and the nearest of its places below which this is too far away: some 12°.
-const NEAR: f64 = 0.978;
+use crate::light::LightBasis;
 
 /// Light of the sun on a column at an hour.
 #[derive(Clone, Copy, Debug)]
@@ -51,50 +49,16 @@ pub(super) struct YearLight {
     pub(super) knows_sun: bool,
 }
 
-/// The lights that daylight is put on.
-struct Lights<'a> {
-    sky: &'a Light,
-    is_split: bool,
-    suns: Option<&'a Light>,
-}
-
-impl<'a> Lights<'a> {
-    fn of(place: &str, basis: &'a LightBasis) -> Result<Self> {
-        let refuse = |problem: String, hint: &str| Err(Error::input(place, problem, hint));
-        let skies: Vec<&Light> = basis.lights().iter().filter(|light| light.kind.is_environment()).collect();
-        let suns: Vec<&Light> =
-            basis.lights().iter().filter(|light| matches!(light.kind, LightKind::Suns { .. })).collect();
-        let [sky] = skies[..] else {
-            let hint = "give the scene a [[light]] of kind \"environment\", such as patches = \"reinhart\"";
-            return refuse(format!("has {} environments that could be the sky", skies.len()), hint);
-        };
-        if suns.len() > 1 {
-            return refuse("has several lights of kind \"suns\"".into(), "leave one");
-        }
-        let is_split = matches!(sky.kind, LightKind::Patches { is_split: true, .. });
-        let suns = suns.first().copied();
-        if suns.is_some() && !is_split {
-            let problem = format!("has places of the sun, but '{}' does not tell what surfaces reflect", sky.name);
-            return refuse(
-                problem,
-                "say split = true for the sky: what surfaces reflect of the sun is in those columns",
-            );
-        }
-        Ok(Self { sky, is_split, suns })
-    }
-}
-
 impl YearLight {
     /// The light of a climate over a basis; `place` names the matrix in messages.
     pub(super) fn new(place: &str, basis: &LightBasis, climate: &Climate, options: &DaylightOptions) -> Result<Self> {
-        let Lights { sky, is_split, suns } = Lights::of(place, basis)?;
-        let count = sky.places.len() / (1 + usize::from(is_split));
-        let texels = SkyTexels::new(&sky.places[..count], &sky.extents[..count]);
+        let lights = SkyLights::of(place, basis)?;
+        let (count, texels, is_split) = (lights.count(), lights.texels(), lights.is_split);
         let model = SkyModel::new(climate, options.sky);
         let is_day = |step: usize| model.sun(&climate.steps[step]).altitude > 0.0;
         let is_used = |step: usize| options.schedule.holds(&climate.steps[step]);
         let lit = (0..climate.steps.len()).into_par_iter();
-        let mut lit: Vec<_> = lit.filter_map(|step| Some((step, model.at(&climate.steps[step], &texels)?))).collect();
+        let mut lit: Vec<_> = lit.filter_map(|step| Some((step, model.at(&climate.steps[step], texels)?))).collect();
         if lit.is_empty() {
             return Err(Error::input(&*climate.site.name, "has no light at any time", "give another climate"));
         }
@@ -102,7 +66,7 @@ impl YearLight {
         let mut year = Self {
             steps: lit.iter().map(|(step, _)| *step as u32).collect(),
             segments: Vec::new(),
-            first_column: sky.first_column,
+            first_column: lights.sky.first_column,
             texels: count as u32,
             is_split,
             sky: vec![0.0; count * lit.len()],
@@ -118,33 +82,9 @@ impl YearLight {
         });
         for (hour, (_, now)) in lit.iter().enumerate() {
             let hour = hour as u32;
-            let spread = now.spread_sun(&texels);
-            let mut put = |column: u32, weight: f32, is_direct: bool| {
+            lights.put_sun(place, now, |column, weight, is_direct| {
                 year.sun.push(SunWeight { column, hour, weight, is_direct });
-            };
-            for &(texel, weight) in &spread {
-                let column = sky.first_column + texel as u32;
-                if suns.is_none() {
-                    put(column, weight, is_split);
-                }
-                if is_split {
-                    put(column + count as u32, weight, false);
-                }
-            }
-            if let Some(suns) = suns.filter(|_| now.sun_is_up && !spread.is_empty()) {
-                let cosine = |place: &[f32; 3]| {
-                    let [x, y, z] = place.map(f64::from);
-                    now.towards_sun.dot([x, y, z].into())
-                };
-                let nearest = suns.places.iter().map(cosine).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-                let (place_of_sun, cosine) = nearest.unwrap_or_default();
-                if cosine < NEAR {
-                    let problem = format!("'{}' has no place within 12° of the sun at some hour", suns.name);
-                    let hint = "give the latitude of the climate's site, or patches of the whole sky";
-                    return Err(Error::input(place, problem, hint));
-                }
-                put(suns.first_column + place_of_sun as u32, now.sun_irradiance as f32, true);
-            }
+            })?;
         }
         year.segments = segments(&year.steps, |step| (is_used(step), is_day(step)));
         year.sun.sort_by_key(|sun| (sun.column, sun.hour));

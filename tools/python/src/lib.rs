@@ -4,6 +4,7 @@
 //! No work is done with the interpreter's lock held, and none on the threads of the global pool, which a forked process
 //! would lack: see [`threads`].
 
+mod daylight;
 mod errors;
 mod gpu;
 mod light;

@@ -18,11 +18,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::daylight;
 use crate::errors::{exception, unlocked};
 use crate::gpu::{Device, OnGpu, adapter, second_run};
 use crate::light::{LightTuple, lightings_of, to_tuple};
 use crate::slice::{Wanted, read};
 use crate::threads::on_pool;
+use crate::watch::run;
 
 /// Where the entries come from.
 pub(crate) enum Source {
@@ -488,6 +490,39 @@ impl Native {
         let columns = opened.source.shape().columns();
         let shape = vec![sums.len() / columns, columns, CHANNELS];
         PyArray1::from_vec(py, sums.as_flattened().iter().map(|&sum| sum as f32).collect()).reshape(shape)
+    }
+
+    /// `weights` (columns × 3) with sky and sun as at a time of a climate: month, day, hour; north and the ground's reflectance.
+    fn weights_at<'py>(
+        &self,
+        py: Python<'py>,
+        weights: PyReadonlyArrayDyn<'_, f32>,
+        climate: PathBuf,
+        time: ((u8, u8), f64),
+        site: (f64, f64),
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let opened = self.opened()?;
+        let (lamps, _) = contiguous(&weights)?.as_chunks::<CHANNELS>();
+        let (lamps, place) = (lamps.to_vec(), self.path.display().to_string());
+        let lit = unlocked(py, || daylight::weights_at(&opened.source, &place, lamps, &climate, time, site))?;
+        let shape = vec![lit.len(), CHANNELS];
+        PyArray1::from_vec(py, lit.into_flattened()).reshape(shape)
+    }
+
+    /// The measures of a year of a climate, as a dictionary.
+    fn daylight<'py>(
+        &self,
+        py: Python<'py>,
+        climate: PathBuf,
+        choices: daylight::YearChoices,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let opened = self.opened()?;
+        let (place, memory) = (self.path.display().to_string(), opened.memory_bytes);
+        let year = run(py, progress.as_ref(), |watch| {
+            daylight::year(&opened.source, &place, &climate, &choices, memory, watch)
+        })?;
+        daylight::to_dict(py, &year)
     }
 
     /// The lightings of a look file, its own first: names and columns × 3 weights.

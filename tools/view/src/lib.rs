@@ -5,6 +5,7 @@
 
 pub mod animation;
 pub mod camera_moves;
+pub mod daylight;
 mod device_renderer;
 pub mod difference;
 pub mod display;

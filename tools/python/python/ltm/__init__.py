@@ -12,6 +12,7 @@ light (a lamp, a texel of an area light or of an environment). The image under a
 Images are linear Rec. 709, rows from the top. A column's weight is in the unit of its light (see ``Light.unit``).
 """
 
+from ._daylight import DaylightYear
 from ._lights import Light, Lights
 from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
 from ._make import (
@@ -37,6 +38,7 @@ __all__ = [
     "Blocks",
     "BuiltIn",
     "DamagedError",
+    "DaylightYear",
     "Estimate",
     "Gpu",
     "Light",

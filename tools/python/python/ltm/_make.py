@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from . import _ltm
 from ._lights import Light, light_tuples, real_array
 from ._matrix import Block, Matrix, open
+from ._progress import Progress, told
 
 _Path = str | os.PathLike[str]
-#: Called with the stage, what is done of it and how much that is in all; True: a bar of tqdm.
-Progress = Callable[[str, int, int], object] | bool | None
 
 
 @dataclass(frozen=True)
@@ -99,32 +98,6 @@ class BuiltIn:
     width: int = 256
     height: int = 192
     texels: int = 32
-
-
-def _progress(progress: Progress) -> Callable[[str, int, int], object] | None:
-    if progress is None or progress is False:
-        return None
-    if progress is not True:
-        if not callable(progress):
-            raise TypeError("progress: give a function of (stage, done, total), True or None")
-        return progress
-    try:
-        from tqdm.auto import tqdm  # type: ignore[import-untyped]
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError("progress=True needs tqdm; install it, or give a function") from None
-    bars: dict[str, Any] = {}
-
-    def show(stage: str, done: int, total: int) -> None:
-        if stage not in bars:
-            for bar in bars.values():
-                bar.close()
-            bars.clear()
-            bars[stage] = tqdm(total=total, desc=stage, unit="block")
-        bars[stage].update(done - bars[stage].n)
-        if done >= total:
-            bars[stage].close()
-
-    return show
 
 
 def _output(path: _Path, overwrite: bool) -> str:
@@ -272,11 +245,11 @@ def pack(
     if isinstance(images, (str, os.PathLike)):
         if lights is not None or size is not None:
             raise ValueError(f"{'size' if lights is None else 'lights'}: a stored matrix has its own")
-        return PackReport(**_ltm.pack_store(images, path, choices, _progress(progress)))
+        return PackReport(**_ltm.pack_store(images, path, choices, told(progress)))
     array, spill = _images(images, size, os.path.dirname(path), lights is not None)
     try:
         tuples = light_tuples(lights, array.shape[0])
-        return PackReport(**_ltm.pack_array(array, path, tuples, source, block_side, choices, _progress(progress)))
+        return PackReport(**_ltm.pack_array(array, path, tuples, source, block_side, choices, told(progress)))
     finally:
         if spill is not None:
             spill.close()
@@ -298,7 +271,7 @@ def write(
     array, spill = _images(images, size, os.path.dirname(path), lights is not None)
     try:
         tuples = light_tuples(lights, array.shape[0])
-        _ltm.write_array(array, path, tuples, source, block_side, overwrite, _progress(progress))
+        _ltm.write_array(array, path, tuples, source, block_side, overwrite, told(progress))
     finally:
         if spill is not None:
             spill.close()
@@ -314,7 +287,7 @@ def write_basis(
     MemoryError, KeyboardInterrupt.
     """
     path = _output(path, overwrite)
-    return _ltm.write_basis(os.fspath(matrix), path, memory, _progress(progress))
+    return _ltm.write_basis(os.fspath(matrix), path, memory, told(progress))
 
 
 def _scene(scene: _Path | BuiltIn) -> Any:
@@ -383,7 +356,7 @@ def render(
     packing = _choices(target, rank, keep_noise, denoise, basis, overwrite, memory) if pack else None
     given = _scene(scene)
     choices = _render_choices(samples, size, seed, block_side, camera, allow_missing, allow_outside, overwrite, memory)
-    said = _ltm.render(given, path, choices, packing, _progress(progress))
+    said = _ltm.render(given, path, choices, packing, told(progress))
     own = {key: said.pop(key) for key in ("rays", "blocks_traced", "non_finite")}
     seconds, kept = said["seconds"], said.pop("blocks_kept")
     packed = PackReport(blocks_kept=kept, **said) if pack else None
@@ -424,7 +397,7 @@ def render_live(
         raise ValueError(f"{path}: the name of a container ends with .ltc")
     packing = _choices(target, rank, False, True, None, overwrite, memory)
     choices = _render_choices(samples, size, seed, block_side, camera, allow_missing, allow_outside, overwrite, memory)
-    told = _progress(progress)
+    told = told(progress)
     render = _ltm.LiveRender(_scene(scene), path, choices, packing, told)
     while (said := render.next(told)) is not None:
         yield Estimate(path=Path(said.pop("path")), **said)
@@ -432,7 +405,7 @@ def render_live(
 
 def verify(path: _Path, *, progress: Progress = None) -> Verified:
     """Reads and checks every byte of a file; what is damaged is listed. Raises if it cannot even be opened."""
-    return Verified(*_ltm.verify(os.fspath(path), _progress(progress)))
+    return Verified(*_ltm.verify(os.fspath(path), told(progress)))
 
 
 def info(path: _Path) -> dict[str, Any]:
@@ -448,4 +421,4 @@ def merge(parts: Iterable[_Path], path: _Path, *, overwrite: bool = False, progr
     """
     if str(path).lower().endswith(".ltc"):
         path = _output(path, overwrite)
-    return _ltm.merge([os.fspath(part) for part in parts], os.fspath(path), overwrite, _progress(progress))[1]
+    return _ltm.merge([os.fspath(part) for part in parts], os.fspath(path), overwrite, told(progress))[1]

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _ltm
+from ._daylight import DaylightYear
 from ._lights import Lights, real_array
+from ._progress import Progress, told
 
 #: Most bytes that ``numpy.asarray`` makes of a matrix without being told to.
 ASARRAY_BYTES = 1 << 30
@@ -359,6 +361,51 @@ class Matrix:
             return out
         self._native.relight(array, (x.start, y.start, shape[-2], shape[-3]), out, device)
         return out
+
+    def weights_at(
+        self,
+        climate: str | os.PathLike[str],
+        month: int,
+        day: int,
+        hour: float,
+        *,
+        weights: ArrayLike | Mapping[str, Any] | Look | None = None,
+        north: float = 0.0,
+        ground: float = 0.2,
+    ) -> NDArray[np.float32]:
+        """Weights (columns, 3) with the scene's sky and sun as at an hour of the site's time in a climate, an EPW or WEA file; all other
+        lights as in ``weights`` (the scene's own lighting). ``north`` is how far the scene's north (−z) is turned towards east, in
+        degrees, ``ground`` the reflectance of the ground below the horizon.
+
+        >>> noon = m.weights_at("munich.epw", 6, 21, 12.5)
+        >>> image = m.relight(noon)
+
+        Raises ValueError for a matrix without a sky, or a day that the climate does not have.
+        """
+        lamps = self.scene_weights if weights is None else self.weights(weights)
+        if lamps.ndim != 2:
+            raise ValueError("weights: give one lighting")
+        return self._native.weights_at(lamps, os.fspath(climate), ((month, day), hour), (north, ground))
+
+    def daylight(
+        self,
+        climate: str | os.PathLike[str],
+        *,
+        hours: tuple[float, float] = (8, 18),
+        months: tuple[int, int] = (1, 12),
+        autonomy: float = 300.0,
+        north: float = 0.0,
+        ground: float = 0.2,
+        progress: Progress = None,
+    ) -> DaylightYear:
+        """A year of a climate, an EPW or WEA file, over the pixels or sensors of a matrix whose rows are irradiance: what ``ltm daylight``
+        renders, or a scene with ``irradiance = true`` in its ``[camera]``. The time of use is ``hours`` of all days in ``months``,
+        ``autonomy`` the illuminance of daylight autonomy in lx; ``north`` and ``ground`` are as in :meth:`weights_at`.
+
+        Raises ValueError for a matrix of radiance, or one without a sky; DamagedError; MemoryError.
+        """
+        choices = {"hours": hours, "months": months, "autonomy": autonomy, "north": north, "ground": ground}
+        return DaylightYear(**self._native.daylight(os.fspath(climate), choices, told(progress)))
 
     def adjoint(self, image: ArrayLike, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """``Tᵀ x`` for each channel: float32 (columns, 3).

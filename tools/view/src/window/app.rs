@@ -11,6 +11,7 @@ use eframe::egui_wgpu::RenderState;
 
 use super::actions::{Action, act};
 use super::chooser::{Answer, Chooser, Purpose};
+use super::daylight_panel::open_climate;
 use super::document::{Document, Opening};
 use super::event_throttle::Waiting;
 use super::file_jobs::JobCount;
@@ -497,6 +498,7 @@ impl App {
             Purpose::LoadLook => self.proceed(context, Next::LoadLook(path)),
             Purpose::SaveContainer => exports::copy_container(document, path),
             Purpose::SaveLook => exports::write_look(document, path),
+            Purpose::Climate => open_climate(document, path),
             Purpose::LightImage(light) => file_reading::read_image(document, path, Some(light)),
             Purpose::Reference => file_reading::read_image(document, path, None),
             Purpose::Png => exports::write_png(document, path),
@@ -563,6 +565,7 @@ impl App {
                 document.list.selected().filter(|&light| document.basis().lights()[light].layout() != (1, 1));
             let purpose = match (ending.as_str(), texelled.filter(|_| over_mixer)) {
                 ("toml" | "json", _) => Purpose::LoadLook,
+                ("epw" | "wea", _) => Purpose::Climate,
                 (_, Some(light)) => Purpose::LightImage(light),
                 (_, None) => Purpose::Reference,
             };

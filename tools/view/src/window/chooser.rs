@@ -21,6 +21,8 @@ pub(super) enum Purpose {
     SaveContainer,
     LoadLook,
     SaveLook,
+    /// A climate for the sky.
+    Climate,
     /// A picture or map for this light.
     LightImage(usize),
     Reference,
@@ -70,6 +72,7 @@ impl Purpose {
             Self::SaveContainer => "Save the container as it stands",
             Self::LoadLook => "Load a look",
             Self::SaveLook => "Save the look",
+            Self::Climate => "Light the sky by a climate: EPW or WEA",
             Self::LightImage(_) => "Put an image on the light",
             Self::Reference => "Compare with an image",
             Self::Png => "Save the picture as PNG",
@@ -87,6 +90,7 @@ impl Purpose {
             Self::SaveContainer => &["ltc"],
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
+            Self::Climate => &["epw", "wea"],
             Self::LightImage(_) | Self::Reference => &IMAGES,
             Self::Png => &["png"],
             Self::Animation => animation::endings(),
@@ -97,7 +101,7 @@ impl Purpose {
     }
 
     pub(super) fn saves(self) -> bool {
-        !matches!(self, Self::Container | Self::LoadLook | Self::LightImage(_) | Self::Reference)
+        !matches!(self, Self::Container | Self::LoadLook | Self::Climate | Self::LightImage(_) | Self::Reference)
     }
 }
 

@@ -18,6 +18,7 @@ use super::requests::Requests;
 use super::shown_picture::ShownPicture;
 use super::surfaces_state::SurfacesState;
 use super::view_state::ViewState;
+use crate::daylight::Daylight;
 use crate::looks::Saved;
 use crate::mixer::Mix;
 use crate::rows::Row;
@@ -63,6 +64,8 @@ pub(super) struct Document {
     pub(super) compare: Comparison,
     /// The texture editor's settings.
     pub(super) editor: PatternEditorState,
+    /// The climate by which sky and sun are set, if one was opened.
+    pub(super) daylight: Option<Daylight>,
     /// The newest picture.
     pub(super) shown: ShownPicture,
     /// Requests to the worker.
@@ -94,6 +97,7 @@ impl Document {
             features: FeaturesView::default(),
             compare: Comparison::new(),
             editor: PatternEditorState::default(),
+            daylight: None,
             shown: ShownPicture::new(opening.state),
             requests: Requests::new(lighting),
             files: FileJobs::new(path, opening.jobs),
@@ -118,7 +122,7 @@ impl Document {
         }
         self.view.go_on(old.view, same_size.then_some(1.0));
         self.files.go_on(old.files);
-        self.editor = old.editor;
+        (self.editor, self.daylight) = (old.editor, old.daylight);
         let lost = match lost {
             0 => String::new(),
             1 => "; one light is no longer there".to_owned(),
@@ -151,7 +155,7 @@ impl Document {
         let wanted = old.files.wanted;
         self.files.go_on(old.files);
         self.files.wanted = wanted;
-        self.editor = old.editor;
+        (self.editor, self.daylight) = (old.editor, old.daylight);
         self.message = old.message;
         self.autosave = old.autosave;
         self.autosave.go_on();

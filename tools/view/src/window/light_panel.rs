@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, Color32, RichText, Ui};
 
+use super::daylight_panel::daylight_settings;
 use super::document::Document;
 use super::message::Message;
 use super::number_format::short;
@@ -9,6 +10,7 @@ use super::pattern_panel::pattern_editor;
 use super::selection::{reset_light, share_tint};
 use super::sun_panel::sun_of_several;
 use super::theme::{IDLE, WEAK, section, swatch};
+use crate::daylight::is_lit_by_daylight;
 use crate::mixer::{LightMix, STOPS_RANGE, Tint};
 use crate::photometry::{Quantity, mean_weight, quantities, stops_to};
 use ltm::image::{KELVIN_RANGE, decode_srgb};
@@ -39,6 +41,9 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
     }
     if light.kind == LightKind::Sun {
         sun_of_several(ui, document, index);
+    }
+    if is_lit_by_daylight(&light) {
+        daylight_settings(ui, document);
     }
     if light.layout() != (1, 1) {
         pattern_editor(ui, document, index, &light);

@@ -6,6 +6,7 @@ mod autosave;
 mod chooser;
 mod command_line;
 mod comparison;
+mod daylight_panel;
 mod document;
 mod event_throttle;
 mod exports;

@@ -86,9 +86,8 @@ fn by_date(ui: &mut Ui, moment: &mut Moment) -> Option<[f32; 3]> {
         number(ui, DragValue::new(year).range(1900..=2200).speed(0.05), "Year");
         number(ui, DragValue::new(month).range(1..=12).speed(0.05), "Month");
         number(ui, DragValue::new(day).range(1..=31).speed(0.1), "Day");
-        let clock = |hours: f64| format!("{:02}:{:02}", hours as u32, (hours.fract() * 60.0).round().min(59.0) as u32);
         let hour = DragValue::new(&mut moment.hour).range(0.0..=23.983).speed(0.02);
-        let hour = hour.custom_formatter(move |hours, _| clock(hours)).custom_parser(hours_of);
+        let hour = hour.custom_formatter(|hours, _| clock(hours)).custom_parser(hours_of);
         number(ui, hour, "Hour on the clock there; drag it through the day");
         let zone = DragValue::new(&mut moment.zone_hours).range(-12.0..=14.0).speed(0.05).prefix("UTC ");
         number(
@@ -120,8 +119,14 @@ fn by_date(ui: &mut Ui, moment: &mut Moment) -> Option<[f32; 3]> {
     Some(moment.direction(angles))
 }
 
+/// An hour as a clock shows it.
+pub(super) fn clock(hours: f64) -> String {
+    let minutes = (hours * 60.0).round() as u32;
+    format!("{:02}:{:02}", minutes / 60, minutes % 60)
+}
+
 /// Hours of a text: `14:30` or `14.5`.
-fn hours_of(text: &str) -> Option<f64> {
+pub(super) fn hours_of(text: &str) -> Option<f64> {
     match text.split_once(':') {
         Some((hours, minutes)) => {
             let (hours, minutes) = (hours.trim().parse::<f64>().ok()?, minutes.trim().parse::<f64>().ok()?);

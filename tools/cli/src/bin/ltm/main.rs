@@ -11,6 +11,7 @@ mod first_steps;
 mod info;
 mod input;
 mod maintain;
+mod moment;
 mod picture;
 mod plan;
 mod relight;

@@ -18,6 +18,7 @@ use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of, load_look};
+use crate::moment::{DaylightArguments, Moment};
 use crate::picture::{Format, Picture, format_of, frame_path};
 use ltm_cli::console::Console;
 use ltm_cli::say;
@@ -52,6 +53,8 @@ pub(crate) struct Relight {
     /// Only these frames of an animation, FIRST..END.
     #[arg(long, value_parser = parse_frames)]
     frames: Option<std::ops::Range<usize>>,
+    #[command(flatten)]
+    daylight: DaylightArguments,
     #[command(flatten)]
     picture: Picture,
     /// Where to compute.
@@ -95,7 +98,7 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
                 return Err(only_a_matrix(&options.input, "passes"));
             }
             let container = open_container(&options.input)?;
-            let task = Task::new(options, container.job(), format)?;
+            let task = Task::new(options, container.job(), format, console)?;
             let device = match options.device {
                 DeviceName::Auto => Device::Auto,
                 DeviceName::Cpu => Device::Cpu,
@@ -126,7 +129,7 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
-            let task = Task::new(options, matrix.job(), format)?;
+            let task = Task::new(options, matrix.job(), format, console)?;
             if options.layers == Some(Layers::Passes) {
                 return task.write_passes(&matrix);
             }
@@ -176,6 +179,8 @@ struct Task<'a> {
     job: &'a Job,
     lighting: Lighting,
     look: Option<Look>,
+    /// The daylight beside the lamps.
+    daylight: Option<Moment>,
     /// The columns that are on.
     on: Option<Vec<u32>>,
     /// Frames of an animation; none for a still.
@@ -183,22 +188,38 @@ struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    fn new(options: &'a Relight, job: &'a Job, format: Format) -> Result<Self> {
+    fn new(options: &'a Relight, job: &'a Job, format: Format, console: &Console) -> Result<Self> {
         let load = |path| load_look(path, &job.basis, options.allow_outside);
         let look = options.lighting.as_deref().map(load).transpose()?;
-        let lighting = match (&look, &options.look) {
+        let daylight = options.daylight.moment(console)?;
+        let lamps = match (&look, &options.look) {
             (Some(look), Some(name)) => look.named(name)?.clone(),
             (Some(look), None) => look.lighting().clone(),
             (None, _) => Lighting::of_scene(&job.basis),
         };
+        let lighting = match &daylight {
+            Some(moment) => moment.lighting(job, &lamps, None)?,
+            None => lamps,
+        };
         let on = if options.on.is_empty() { None } else { Some(chosen(job, &options.on)?) };
         let place = options.output.display().to_string();
-        let frames = match (frame_path(&options.output, 0), &look) {
-            (Some(_), Some(look)) => look.frames(options.fps)?.count(),
-            _ => 0,
+        let is_sequence = frame_path(&options.output, 0).is_some();
+        let frames = match (&daylight, &look) {
+            _ if !is_sequence => 0,
+            (Some(moment), _) => moment.frames().unwrap_or(0),
+            (None, Some(look)) => look.frames(options.fps)?.count(),
+            (None, None) => 0,
         };
-        if frame_path(&options.output, 0).is_some() && frames == 0 {
-            return Err(Error::input(place, "a sequence needs keys to go between", "give a look file with [[key]]"));
+        if is_sequence && frames == 0 {
+            let hint = "give a look file with [[key]], or --climate with a day";
+            return Err(Error::input(place, "a sequence needs keys to go between", hint));
+        }
+        if !is_sequence && daylight.as_ref().is_some_and(|moment| moment.frames().is_some()) {
+            return Err(Error::input(
+                "--at",
+                "is a day without a time",
+                "add HH:MM, or put #### into the output's name",
+            ));
         }
         if options.frames.is_some() && frames == 0 {
             return Err(Error::input(place, "--frames is of a sequence", "put #### into the name"));
@@ -211,7 +232,7 @@ impl<'a> Task<'a> {
             return Err(Error::input(place, "layers go into one EXR", "name the image x.exr"));
         }
         options.picture.check(format, &options.output, job)?;
-        let mut task = Self { options, job, lighting, look, on, frames };
+        let mut task = Self { options, job, lighting, look, daylight, on, frames };
         task.lighting = task.restricted(task.lighting.clone());
         Ok(task)
     }
@@ -261,15 +282,13 @@ impl<'a> Task<'a> {
         let brightest = self.brightest_key(relight)?;
         let writer = picture.writer(format_of(output)?, &brightest, &mut say);
         let range = self.options.frames.clone().unwrap_or(0..self.frames);
-        let look = self.look.as_ref().expect("frames are those of a look");
-        let frames = look.frames(self.options.fps)?;
         console.begin("frames", range.len() as u64, "frames");
         let written = range.clone().try_for_each(|frame| {
             if console.interrupted() {
                 return Err(Error::interrupted(format!("frames before {frame} are written")));
             }
             let path = frame_path(output, frame).unwrap_or_else(|| output.clone());
-            let lighting = self.restricted(frames.lighting(frame)?);
+            let lighting = self.restricted(self.lighting_of(frame)?);
             writer.write(&path, &relight(&lighting)?)?;
             console.advance(1, 1, "frames");
             Ok(())
@@ -280,11 +299,26 @@ impl<'a> Task<'a> {
         Ok(())
     }
 
-    /// The brightest of the images at the keys, or a black one where none is needed.
+    /// The lighting of a frame of the animation.
+    fn lighting_of(&self, frame: usize) -> Result<Lighting> {
+        match (&self.daylight, &self.look) {
+            (Some(moment), _) => moment.lighting(self.job, &self.lighting, Some(frame)),
+            (None, Some(look)) => look.frames(self.options.fps)?.lighting(frame),
+            (None, None) => Ok(self.lighting.clone()),
+        }
+    }
+
+    /// The brightest of the images at the keys, or that of noon, or a black one where none is needed.
     fn brightest_key(&self, relight: &dyn Fn(&Lighting) -> Result<LinearImage>) -> Result<LinearImage> {
         let mut brightest = LinearImage::black(1, 1);
         let sum = |image: &LinearImage| image.luminances().map(f64::from).sum::<f64>();
-        if let Some(look) = self.look.as_ref().filter(|_| self.options.picture.looks_at_images()) {
+        if !self.options.picture.looks_at_images() {
+            return Ok(brightest);
+        }
+        if self.daylight.is_some() {
+            return relight(&self.lighting);
+        }
+        if let Some(look) = &self.look {
             for lighting in look.keys() {
                 let image = relight(lighting)?;
                 if sum(&image) > sum(&brightest) {

@@ -1,0 +1,92 @@
+//! Daylight of a climate over a matrix.
+
+use std::path::Path;
+
+use ltm::daylight::{ANNUAL_MEASURES, Climate, Schedule, SkyOptions, Thresholds};
+use ltm::light::Lighting;
+use ltm::pipeline::{DaylightOptions, DaylightSource, DaylightYear, daylight, lighting_at};
+use ltm::resources::Progress;
+use ltm::scene::shows_irradiance;
+use ltm::{Error, Result};
+use numpy::PyArray1;
+use numpy::prelude::*;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::matrix::Source;
+
+/// What is asked of a year.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct YearChoices {
+    hours: (f64, f64),
+    months: (u8, u8),
+    autonomy: f32,
+    north: f64,
+    ground: f64,
+}
+
+/// Weights of a moment: month and day, and the hour of the site's time.
+pub(crate) fn weights_at(
+    source: &Source,
+    place: &str,
+    lamps: Vec<[f32; 3]>,
+    climate: &Path,
+    time: ((u8, u8), f64),
+    (north_degrees, ground_reflectance): (f64, f64),
+) -> Result<Vec<[f32; 3]>> {
+    let climate = Climate::read(climate)?;
+    let options = SkyOptions { north_degrees, ground_reflectance };
+    let lighting = lighting_at(place, &Lighting::new(lamps)?, &source.job().basis, &climate, time, options)?;
+    Ok(lighting.weights().to_vec())
+}
+
+/// The measures of a year.
+pub(crate) fn year(
+    source: &Source,
+    place: &str,
+    climate: &Path,
+    choices: &YearChoices,
+    memory_bytes: Option<u64>,
+    watch: &dyn Progress,
+) -> Result<DaylightYear> {
+    if !shows_irradiance(&source.job().provenance.settings) {
+        let hint = "render with irradiance = true in the scene's [camera], or sensors";
+        return Err(Error::input(place, "shows radiance, and not the irradiance of surfaces", hint));
+    }
+    let climate = Climate::read(climate)?;
+    climate.warnings.iter().for_each(|warning| watch.warn(warning));
+    let (from, to) = choices.hours;
+    let schedule = Schedule::parse_hours(&format!("{from}-{to}"))?.in_months(choices.months.0, choices.months.1)?;
+    let options = DaylightOptions {
+        sky: SkyOptions { north_degrees: choices.north, ground_reflectance: choices.ground },
+        schedule,
+        thresholds: Thresholds { autonomy: choices.autonomy, ..Thresholds::default() },
+        memory_bytes,
+        overwrite: false,
+    };
+    let source = match source {
+        Source::Container(container) => DaylightSource::Container(container),
+        Source::Matrix(matrix) => DaylightSource::Stored(matrix),
+    };
+    daylight(&source, place, &climate, &options, None, watch)
+}
+
+/// A year as a dictionary: the measures by name, height × width, with their units, and the measures of all places together.
+pub(crate) fn to_dict<'py>(py: Python<'py>, year: &DaylightYear) -> PyResult<Bound<'py, PyDict>> {
+    let (width, height) = year.size;
+    let (measures, units) = (PyDict::new(py), PyDict::new(py));
+    for (at, (name, unit)) in ANNUAL_MEASURES.into_iter().enumerate() {
+        let values = year.measures.iter().map(|place| place.values[at]).collect();
+        measures.set_item(name, PyArray1::from_vec(py, values).reshape([height as usize, width as usize])?)?;
+        units.set_item(name, unit)?;
+    }
+    let said = PyDict::new(py);
+    said.set_item("measures", measures)?;
+    said.set_item("units", units)?;
+    said.set_item("spatial_autonomy", year.space.spatial_autonomy())?;
+    said.set_item("sunlight_exposure", year.space.sunlight_exposure())?;
+    said.set_item("en_17037_class", year.space.en_17037_class())?;
+    said.set_item("dark", year.dark)?;
+    Ok(said)
+}
