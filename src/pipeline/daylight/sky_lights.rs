@@ -128,7 +128,7 @@ mod tests {
     use crate::light::{EnvironmentMapping, LightUnit, SkyPatches};
 
     const WEA: &str = "place Testville_XX\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsite_elevation 515\n\
-        weather_data_file_units 2\n6 21 3.5 0 0\n6 21 11.5 80000 12000\n6 21 12.5 60000 20000\n";
+        weather_data_file_units 3\n6 21 3.5 0 0\n6 21 11.5 80000 12000\n6 21 12.5 60000 20000\n";
 
     /// A sky of patches with a lamp beside it.
     fn basis(is_split: bool) -> LightBasis {

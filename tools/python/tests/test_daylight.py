@@ -11,7 +11,7 @@ latitude 48.1
 longitude -11.6
 time_zone -15
 site_elevation 515
-weather_data_file_units 2
+weather_data_file_units 3
 6 21 11.5 80000 12000
 6 21 12.5 60000 20000
 """

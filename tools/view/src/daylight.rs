@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     const WEA: &str = "place Testville_XX\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsite_elevation 515\n\
-        weather_data_file_units 2\n6 21 11.5 80000 12000\n6 21 12.5 60000 20000\n";
+        weather_data_file_units 3\n6 21 11.5 80000 12000\n6 21 12.5 60000 20000\n";
 
     #[test]
     fn days_of_the_year_are_dates() {
@@ -92,7 +92,7 @@ mod tests {
         let path = folder.path().join("a.wea");
         std::fs::write(&path, WEA).unwrap();
         let mut daylight = Daylight::read(&path).unwrap();
-        assert_eq!(daylight.site(), "Testville_XX");
+        assert_eq!(daylight.site(), "Testville, XX");
         let basis = crate::test_lights::sky_and_lamp();
         let mut mix = Mix::of_scene(&basis);
         let lamp = mix.lights[1].clone();

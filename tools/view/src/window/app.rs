@@ -651,7 +651,7 @@ fn drop_hint(context: &egui::Context) {
     let painter = context.layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop")));
     let rect = context.content_rect();
     painter.rect_filled(rect, 0.0, Color32::from_black_alpha(170));
-    let text = "Drop a container to open it, a lighting file to load it,\n\
+    let text = "Drop a container to open it, a lighting file to load it, a climate (EPW, WEA) for the sky,\n\
                 an image over the mixer for the selected light, elsewhere as a reference";
     painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::WHITE);
 }

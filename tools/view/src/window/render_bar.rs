@@ -14,7 +14,7 @@ use ltm::scene::NamedCamera;
 pub(super) enum RenderChoice {
     /// Saves what stands under a name.
     SaveCopy,
-    /// Begins again after an error or a stop.
+    /// Begins again after an error, a stop, or a change of the scene.
     GoOn,
 }
 
@@ -74,6 +74,13 @@ fn buttons(ui: &mut Ui, rendering: &mut Rendering, has_picture: bool, choice: &m
     } else if !rendering.is_final() && ui.button("Go on").on_hover_text("Renders on").clicked() {
         *choice = Some(RenderChoice::GoOn);
     }
+    if rendering.has_changed() {
+        let about = "Renders the scene as it is on the disk now, in place of what was rendered of it before";
+        let button = egui::Button::new(RichText::new("Scene changed: render anew").color(ACCENT));
+        if ui.add(button).on_hover_text(about).clicked() {
+            *choice = Some(RenderChoice::GoOn);
+        }
+    }
     let about = "A container of what is shown now, under a name of your own";
     if ui.add_enabled(has_picture, egui::Button::new("Save as…")).on_hover_text(about).clicked() {
         *choice = Some(RenderChoice::SaveCopy);
@@ -121,11 +128,11 @@ fn cameras(ui: &mut Ui, rendering: &mut Rendering, document: Option<&Document>) 
             }
             ui.separator();
             if ui.button("Save the view").on_hover_text("Into the scene file, or one beside the scene").clicked() {
-                said = Some(rendering.save_view());
+                said = Some(rendering.save_view(ui.ctx()));
             }
             let undo = egui::Button::new("Undo the save");
             if ui.add_enabled(rendering.can_restore(), undo).clicked() {
-                said = Some(rendering.restore_view());
+                said = Some(rendering.restore_view(ui.ctx()));
             }
             ui.separator();
             let help = "Right-drag the picture: orbit; with Shift: pan; with Ctrl: nearer or farther";

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use eframe::egui::{self, TextureHandle, TextureId};
 use glam::{DVec3, Vec3};
@@ -12,6 +13,7 @@ use super::shown_picture::set_filtered_texture;
 use super::{worker_events, worker_requests};
 use crate::camera_moves::{CameraMove, MovingCamera};
 use crate::display::Display;
+use crate::file_watch::{FileChange, FileWatch};
 use crate::live::{LiveChoices, LiveClock, LiveEvent, LiveJob, LiveView, output_of};
 use crate::saved_view::{self, Saved};
 use ltm::error::Error;
@@ -56,6 +58,9 @@ pub(super) struct Rendering {
     pub(super) shown: Option<ShownEstimate>,
     /// An estimate that is not shown yet.
     next: Option<(Box<Document>, ShownEstimate)>,
+    /// Whether the scene's file has changed since it was read, as its watch tells.
+    is_changed: Arc<AtomicBool>,
+    _watch: FileWatch,
     /// A warning of the scene that is not shown yet, as there was no document.
     warning: Option<String>,
     /// The view that a job that begins anew goes on with, once the scene is read.
@@ -72,7 +77,10 @@ impl Rendering {
     /// Begins to render a scene.
     pub(super) fn start(context: &egui::Context, scene: &Path, choices: LiveChoices, memory: Option<u64>) -> Self {
         let job = start(context, scene, &choices, memory);
+        let is_changed = Arc::new(AtomicBool::new(false));
         Self {
+            _watch: watch(context, scene, &is_changed),
+            is_changed,
             scene: scene.to_owned(),
             choices,
             job: Some(job),
@@ -96,8 +104,10 @@ impl Rendering {
     /// Begins anew, with the scene as it is on the disk now, and goes on with a view that was moved.
     pub(super) fn restart(&mut self, context: &egui::Context, memory: Option<u64>) {
         self.job = None;
-        // What is not finished is of the older scene; what is, stays.
-        let overwrite = self.choices.overwrite || !output_of(&self.scene, &self.choices).exists();
+        let is_changed = self.has_changed();
+        self.look_again(context);
+        // What is not finished is of the older scene. What is finished stays, unless the scene has changed.
+        let overwrite = is_changed || self.choices.overwrite || !output_of(&self.scene, &self.choices).exists();
         self.resumed = self.view.filter(|view| self.own != Some(view.camera));
         (self.own, self.view, self.next, self.failed, self.error) = (None, None, None, None, None);
         self.undo.clear();
@@ -106,6 +116,17 @@ impl Rendering {
         }
         let choices = LiveChoices { overwrite, ..self.choices.clone() };
         self.job = Some(start(context, &self.scene, &choices, memory));
+    }
+
+    /// Whether the scene's file has changed since it was read.
+    pub(super) fn has_changed(&self) -> bool {
+        self.is_changed.load(Ordering::Relaxed)
+    }
+
+    /// Takes the scene's file as it is now for what is rendered.
+    fn look_again(&mut self, context: &egui::Context) {
+        self.is_changed = Arc::default();
+        self._watch = watch(context, &self.scene, &self.is_changed);
     }
 
     /// Whether the job goes on, and its end would leave something unfinished.
@@ -297,11 +318,12 @@ impl Rendering {
     }
 
     /// Saves the view into the scene file, or into one beside the scene.
-    pub(super) fn save_view(&mut self) -> Result<String, String> {
+    pub(super) fn save_view(&mut self, context: &egui::Context) -> Result<String, String> {
         let Some(view) = &self.view else { return Err("The scene is not read yet".into()) };
         let saved = saved_view::save(&self.scene, &view.camera, self.origin).map_err(|error| line(&error))?;
         let said = format!("Saved the view in {}", saved.path.display());
         self.saved.push(saved);
+        self.keep_watch(context);
         Ok(said)
     }
 
@@ -311,10 +333,18 @@ impl Rendering {
     }
 
     /// Takes the newest save of a view back.
-    pub(super) fn restore_view(&mut self) -> Result<String, String> {
+    pub(super) fn restore_view(&mut self, context: &egui::Context) -> Result<String, String> {
         let Some(saved) = self.saved.pop() else { return Err("No view was saved".into()) };
         saved_view::restore(&saved).map_err(|error| line(&error))?;
+        self.keep_watch(context);
         Ok(format!("{} is as it was", saved.path.display()))
+    }
+
+    /// After the window itself has written the scene's file: what was rendered is of it still.
+    fn keep_watch(&mut self, context: &egui::Context) {
+        if !self.has_changed() {
+            self.look_again(context);
+        }
     }
 
     /// Ends the job. What is not finished stays, unless it is discarded.
@@ -329,6 +359,15 @@ impl Rendering {
 fn view_path(output: &Path) -> PathBuf {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     output.with_file_name(format!("{stem}-view.ltc"))
+}
+
+/// Watches the scene's file, and sets `is_changed` once it is another.
+fn watch(context: &egui::Context, scene: &Path, is_changed: &Arc<AtomicBool>) -> FileWatch {
+    let (context, is_changed) = (context.clone(), is_changed.clone());
+    FileWatch::start(scene.to_owned(), move |change| {
+        is_changed.store(change == FileChange::Replaced, Ordering::Relaxed);
+        context.request_repaint();
+    })
 }
 
 fn start(context: &egui::Context, scene: &Path, choices: &LiveChoices, memory: Option<u64>) -> LiveJob {

@@ -14,12 +14,14 @@ use super::driver::{Driver, PATIENCE};
 use super::real::play_rendering;
 
 /// Tests of this file that need no display.
-pub(crate) const TESTS: [(&str, fn()); 5] = [
+pub(crate) const TESTS: [(&str, fn()); 7] = [
     ("a_scene_is_mixed_while_it_renders", a_scene_is_mixed_while_it_renders),
     ("a_pause_holds_the_work_and_not_the_mixer", a_pause_holds_the_work_and_not_the_mixer),
     ("a_moved_camera_starts_from_the_coarse_picture", a_moved_camera_starts_from_the_coarse_picture),
     ("closing_in_the_middle_asks_what_to_keep", closing_in_the_middle_asks_what_to_keep),
     ("a_scene_that_cannot_be_read_says_so_in_the_window", a_scene_that_cannot_be_read_says_so_in_the_window),
+    ("a_scene_that_changes_on_the_disk_is_rendered_anew", a_scene_that_changes_on_the_disk_is_rendered_anew),
+    ("a_climate_lights_the_sky_of_an_hour", a_climate_lights_the_sky_of_an_hour),
 ];
 
 /// Those that need one.
@@ -194,6 +196,55 @@ fn a_scene_that_cannot_be_read_says_so_in_the_window() {
     let mut driver = Driver::unseen_with(WindowOptions { path: Some(scene), ..Default::default() });
     driver.frame(Vec::new());
     driver.wait_until("the message", |driver| driver.says("nowhere.obj"));
+}
+
+/// A change of the scene's file is told; rendering anew has its new lamp, and the mix of those that are left.
+fn a_scene_that_changes_on_the_disk_is_rendered_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driver = open(folder.path(), 16);
+    driver.frame(Vec::new());
+    driver.wait_until("the first picture", |driver| driver.says("Finished"));
+    driver.click(driver.find("left lamp, on").center());
+    let scene = folder.path().join("room.obj");
+    let text = fs::read_to_string(&scene).unwrap().replace("right lamp", "another lamp");
+    fs::write(&scene, text).unwrap();
+    driver.wait_until("the news", |driver| driver.has("Scene changed: render anew"));
+    driver.click(driver.find("Scene changed: render anew").center());
+    driver.wait_until("the new lamp", |driver| driver.has("another lamp, on") && driver.says("Finished"));
+    assert!(!driver.has("Scene changed: render anew"));
+    driver.settle();
+    let sum = |driver: &Driver| driver.picture().iter().map(|&v| u64::from(v)).sum::<u64>();
+    let before = sum(&driver);
+    driver.click(driver.find("left lamp, on").center());
+    driver.settle();
+    assert!(sum(&driver) > before, "the lamp that was switched off was off still");
+}
+
+/// A climate that is dropped lights the sky, and its hours are chosen by sliders; lamps stay as they are.
+fn a_climate_lights_the_sky_of_an_hour() {
+    let folder = tempfile::tempdir().unwrap();
+    room(folder.path());
+    let scene = folder.path().join("day.toml");
+    let lights = "[[light]]\nkind = \"environment\"\nname = \"sky\"\ntexels = [16, 8]\nemission = [0.01, 0.01, 0.01]\n";
+    let text = format!(
+        "geometry = [\"room.obj\"]\n[camera]\neye = [0.5, 1.2, 4]\nlook_at = [0, 1, 0]\nwidth = 96\nheight = 64\n{lights}"
+    );
+    fs::write(&scene, text).unwrap();
+    let climate = folder.path().join("city.wea");
+    let site = "place Testville\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsite_elevation 515\nweather_data_file_units 3\n";
+    fs::write(&climate, format!("{site}6 21 11.5 80000 12000\n6 21 12.5 60000 20000\n")).unwrap();
+    let live = LiveChoices { output: Some(folder.path().join("day.ltc")), samples: Some(8), ..Default::default() };
+    let mut driver = Driver::unseen_with(WindowOptions { path: Some(scene), live, ..Default::default() });
+    driver.frame(Vec::new());
+    driver.wait_until("the picture", |driver| driver.says("Finished"));
+    driver.settle();
+    let before = driver.picture();
+    driver.click(driver.find_containing("sky").center());
+    driver.drop_file(&climate, driver.find("picture").center());
+    driver.wait_until("the climate", |driver| driver.says("Testville") && driver.says("21 Jun"));
+    driver.settle();
+    assert!(driver.picture() != before, "the sky is that of noon");
+    assert!(driver.says("12:00") && driver.has("Climate…"));
 }
 
 /// A real window is killed in the middle; the next one shows at once what was there, goes on, and asks what to keep when it is closed by keys.
