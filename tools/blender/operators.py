@@ -10,20 +10,9 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 from mathutils import Matrix
 
-from . import looks, program, scene_file
-
-MISSING = "the program ltm was not found: install it (cargo install --path tools/cli), or say in the preferences where it is"
-
-
-def preferences(context):
-    """The add-on's preferences; none where it runs without being installed, as in tests."""
-    found = context.preferences.addons.get(__package__)
-    return found.preferences if found else None
-
-
-def find_program(context):
-    stated = preferences(context)
-    return program.find(bpy.path.abspath(stated.program) if stated and stated.program else "")
+from . import cycles_job, finding, light_sources, looks, program, scene_file
+from .finding import MISSING, find_program
+from .watched import Watched
 
 
 def export(operator, context):
@@ -52,16 +41,13 @@ class LTM_OT_export(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LTM_OT_render(bpy.types.Operator):
+class LTM_OT_render(Watched, bpy.types.Operator):
     """Export the scene, render the light of every lamp by itself, and open the mixer"""
 
     bl_idname = "ltm.render"
     bl_label = "Render"
 
     open_mixer: BoolProperty(name="Open the Mixer", default=True, options={"SKIP_SAVE"})
-
-    run = None
-    timer = None
 
     def start(self, context):
         """Exports and starts the program; whether it runs."""
@@ -83,52 +69,12 @@ class LTM_OT_render(bpy.types.Operator):
 
     def finish(self, context):
         """Reports how the run ended."""
-        code = self.run.wait()
-        for line in self.run.lines:
-            if line.startswith("warning: "):
-                self.report({"WARNING"}, line.removeprefix("warning: "))
-        if self.run.stopped:
-            self.report({"WARNING"}, "the render was cancelled")
+        if not self.succeeded():
             return {"CANCELLED"}
-        if code != 0:
-            self.report({"ERROR"}, self.run.problem())
-            return {"CANCELLED"}
+        cycles_job.lights_file(self.packed).unlink(missing_ok=True)
         self.report({"INFO"}, f"{self.packed} is rendered")
-        if self.open_mixer and not bpy.app.background:
-            bpy.ops.ltm.view()
+        self.show(context)
         return {"FINISHED"}
-
-    def execute(self, context):
-        """Without a window: to the end, in one go."""
-        return self.finish(context) if self.start(context) else {"CANCELLED"}
-
-    def invoke(self, context, _event):
-        if not self.start(context):
-            return {"CANCELLED"}
-        self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
-        context.window_manager.progress_begin(0, 100)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            self.run.stop()
-        if self.run.is_running():
-            context.workspace.status_text_set(f"{self.run.status()} – Esc cancels")
-            context.window_manager.progress_update(100 * self.run.share())
-            return {"PASS_THROUGH"}
-        self.tidy(context)
-        return self.finish(context)
-
-    def cancel(self, context):
-        """Blender ends or opens another file."""
-        self.run.stop()
-        self.tidy(context)
-
-    def tidy(self, context):
-        context.window_manager.event_timer_remove(self.timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
 
 
 class LTM_OT_view(bpy.types.Operator):
@@ -142,16 +88,8 @@ class LTM_OT_view(bpy.types.Operator):
         return scene_file.packed(context.scene).is_file()
 
     def execute(self, context):
-        found = find_program(context)
-        if found is None:
-            self.report({"ERROR"}, MISSING)
-            return {"CANCELLED"}
-        try:
-            subprocess.Popen([found, "view", str(scene_file.packed(context.scene))], stdin=subprocess.DEVNULL)
-        except OSError as error:
-            self.report({"ERROR"}, f"{found} does not start: {error.strerror}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        is_open = finding.open_mixer(self, context, scene_file.packed(context.scene))
+        return {"FINISHED"} if is_open else {"CANCELLED"}
 
 
 class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
@@ -176,8 +114,17 @@ class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
         if done.returncode != 0:
             self.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
             return {"CANCELLED"}
-        changed, remarks = looks.apply(context, json.loads(done.stdout)["lights"], packed.with_suffix(".glb"))
-        groups, more = looks.apply_groups(context, Path(self.filepath))
+        lights, by_cycles, objects_of = json.loads(done.stdout)["lights"], cycles_job.lights_file(packed), {}
+        if by_cycles.is_file():
+            entries = json.loads(by_cycles.read_text(encoding="utf-8"))
+            known = light_sources.by_key(bpy.data.objects)
+            for entry in (entry for entry in entries if entry["kind"] != "world"):
+                found = [known.get(tuple(key)) for key in entry["objects"]]
+                objects_of[entry["name"]] = [thing for thing in found if thing is not None]
+            changed, remarks = looks.apply_to_cycles(context, lights, entries)
+        else:
+            changed, remarks = looks.apply(context, lights, packed.with_suffix(".glb"))
+        groups, more = looks.apply_groups(context, Path(self.filepath), objects_of)
         for remark in remarks + more:
             self.report({"WARNING"}, remark)
         self.report({"INFO"}, f"{changed} lights changed" + (f", {groups} light groups" if groups else ""))

@@ -237,6 +237,11 @@ impl ImportedMatrix {
         self.known.is_none() && can_be_denoised(&self.job)
     }
 
+    /// Whether its images are denoised where they are packed: their noise is known, and they are few enough.
+    pub(super) fn is_denoised(&self) -> bool {
+        self.known.as_ref().is_some_and(|known| known.denoises)
+    }
+
     /// A second pass over all rows: compares the sum of lights with the image under all lights, replaces the latter by
     /// the difference, and makes the job.
     fn add_up(&mut self, set: &LightSet, source: &str) -> Result<()> {
