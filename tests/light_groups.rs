@@ -261,7 +261,11 @@ fn several_files_are_one_set_of_lights() {
     let refused = |pattern: &str| LightSet::open(&at(pattern), None).unwrap_err().to_string();
     assert!(refused("*e*.exr").contains("two layers are of light"));
     assert!(refused("nothing-*.exr").contains("no file matches"));
-    ltm::image::write_exr(&at("render-3.exr"), &ltm::LinearImage::black(8, 8)).unwrap();
+    // A picture without light groups beside them changes nothing; one of another size with some is refused.
+    let small = ltm::LinearImage::black(8, 8);
+    ltm::image::write_exr(&at("render-3.exr"), &small).unwrap();
+    assert_eq!(LightSet::open(&at("render-*.exr"), None).unwrap().lights, set.lights);
+    ltm::image::write_exr_layers(&at("render-3.exr"), &[("V.Combined_a", &small)]).unwrap();
     assert!(refused("render-*.exr").contains("8 × 8"));
 }
 

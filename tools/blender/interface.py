@@ -109,6 +109,7 @@ def draw_operators(layout):
     layout.operator(cycles_operators.LTM_OT_open_render.bl_idname, icon="FILE_FOLDER")
     layout.operator(operators.LTM_OT_view.bl_idname)
     layout.operator(operators.LTM_OT_apply_look.bl_idname)
+    layout.operator(operators.LTM_OT_look_nodes.bl_idname)
     layout.operator(operators.LTM_OT_export.bl_idname)
     layout.operator(operators.LTM_OT_add_luminaires.bl_idname)
 

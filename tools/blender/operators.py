@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 from mathutils import Matrix
 
-from . import cycles_job, finding, light_sources, looks, program, scene_file
+from . import cycles_job, finding, light_sources, look_nodes, looks, program, scene_file
 from .finding import MISSING, find_program
 from .watched import Watched
 
@@ -92,6 +92,26 @@ class LTM_OT_view(bpy.types.Operator):
         return {"FINISHED"} if is_open else {"CANCELLED"}
 
 
+def said_by(operator, context, *arguments):
+    """What the program says to these arguments; none, with an error reported, where it fails."""
+    found = find_program(context)
+    if found is None:
+        operator.report({"ERROR"}, MISSING)
+        return None
+    done = subprocess.run([found, *map(str, arguments)], capture_output=True, encoding="utf-8", errors="replace")
+    if done.returncode != 0:
+        operator.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
+        return None
+    return done.stdout
+
+
+def weights_of(operator, context, packed, file, look):
+    """What the lights of a container have by a look file; none, with an error reported, where it cannot be told."""
+    named = ["--look", look] if look else []
+    said = said_by(operator, context, "info", packed, "--json", "--lighting", file, *named)
+    return None if said is None else json.loads(said)["lights"]
+
+
 class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
     """Give the lamps, emissive materials and the world the strengths and colours of a look that the mixer saved"""
 
@@ -103,18 +123,11 @@ class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
     look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
 
     def execute(self, context):
-        found = find_program(context)
-        if found is None:
-            self.report({"ERROR"}, MISSING)
-            return {"CANCELLED"}
         packed = scene_file.packed(context.scene)
-        arguments = [found, "info", packed, "--json", "--lighting", self.filepath]
-        arguments += ["--look", self.look] if self.look else []
-        done = subprocess.run([str(a) for a in arguments], capture_output=True, encoding="utf-8", errors="replace")
-        if done.returncode != 0:
-            self.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
+        lights = weights_of(self, context, packed, self.filepath, self.look)
+        if lights is None:
             return {"CANCELLED"}
-        lights, by_cycles, objects_of = json.loads(done.stdout)["lights"], cycles_job.lights_file(packed), {}
+        by_cycles, objects_of = cycles_job.lights_file(packed), {}
         if by_cycles.is_file():
             entries = json.loads(by_cycles.read_text(encoding="utf-8"))
             known = light_sources.by_key(bpy.data.objects)
@@ -128,6 +141,37 @@ class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
         for remark in remarks + more:
             self.report({"WARNING"}, remark)
         self.report({"INFO"}, f"{changed} lights changed" + (f", {groups} light groups" if groups else ""))
+        return {"FINISHED"}
+
+
+class LTM_OT_look_nodes(bpy.types.Operator, ImportHelper):
+    """Make compositor nodes of a look that the mixer saved: the image of each light times its weight, added up"""
+
+    bl_idname = "ltm.look_nodes"
+    bl_label = "Look as Nodes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default="*.toml;*.json", options={"HIDDEN"})
+    look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
+
+    @classmethod
+    def poll(cls, context):
+        return scene_file.packed(context.scene).is_file()
+
+    def execute(self, context):
+        packed = scene_file.packed(context.scene)
+        lights = weights_of(self, context, packed, self.filepath, self.look)
+        layers = packed.with_suffix(".lights.exr")
+        if lights is None or said_by(self, context, "relight", packed, "--layers", "lights", "-o", layers) is None:
+            return {"CANCELLED"}
+        weights, remarks = look_nodes.factors(lights)
+        image = bpy.data.images.load(str(layers), check_existing=True)
+        image.reload()
+        name = self.look or Path(self.filepath).stem
+        node = look_nodes.build(look_nodes.tree_of(context.scene), name, weights, image)
+        for remark in remarks:
+            self.report({"WARNING"}, remark)
+        self.report({"INFO"}, f"{len(node.inputs)} lights in the group '{name}'; link its output where you want it")
         return {"FINISHED"}
 
 
@@ -177,6 +221,7 @@ CLASSES = (
     LTM_OT_render,
     LTM_OT_view,
     LTM_OT_apply_look,
+    LTM_OT_look_nodes,
     LTM_OT_add_luminaires,
     LTM_FH_luminaires,
 )

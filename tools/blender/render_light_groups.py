@@ -63,6 +63,7 @@ def prepare(scene, layer):
     render = scene.render
     render.engine, scene.cycles.use_denoising = "CYCLES", False
     render.use_compositing = render.use_sequencer = render.use_multiview = render.use_single_layer = False
+    render.use_freestyle = False
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     image = render.image_settings
     if hasattr(image, "media_type"):

@@ -62,16 +62,21 @@ pub(super) fn open(pattern: &Path, layers: Option<&LayerPattern>) -> Result<Ligh
     let (mut warnings, mut size, mut has_sum) = (Warnings::new(), None, false);
     for path in &paths {
         let set = layers::open(path, layers)?;
+        // A picture without light groups, which the pattern fits as well.
+        if set.lights.is_empty() {
+            matches.extend(set.matches.into_iter().map(|found| named(path, found)));
+            continue;
+        }
         let own = (set.width, set.height);
         if *size.get_or_insert(own) != own {
             let (width, height) = size.unwrap_or_default();
             let problem = format!("has {} × {} pixels, {} {width} × {height}", own.0, own.1, paths[0].display());
             return Err(Error::input(path.display().to_string(), problem, "give files of one rendering"));
         }
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        for LayerMatch { layer, role } in set.matches {
-            let role = if has_sum && role == LayerRole::Sum { LayerRole::Ignored } else { role };
-            matches.push(LayerMatch { layer: format!("{name}: {layer}"), role });
+        for found in set.matches {
+            let is_repeated = has_sum && found.role == LayerRole::Sum;
+            let role = if is_repeated { LayerRole::Ignored } else { found.role };
+            matches.push(named(path, LayerMatch { role, ..found }));
         }
         let Source::Layers(source) = set.source else { unreachable!("layers were opened") };
         shares.push(Share { layers: source, lights: set.lights.len(), first: lights.len() });
@@ -79,9 +84,15 @@ pub(super) fn open(pattern: &Path, layers: Option<&LayerPattern>) -> Result<Ligh
         has_sum |= set.has_sum;
         set.warnings.iter().for_each(|warning| warnings.push(warning.clone()));
     }
-    let (width, height) = size.expect("there is a file");
+    let (width, height) = size.unwrap_or_default();
     let source = Source::Several(Several { shares, lights: lights.len() });
     Ok(LightSet { width, height, lights, has_sum, matches, warnings, source })
+}
+
+/// A match by the name of its file as well.
+fn named(path: &Path, found: LayerMatch) -> LayerMatch {
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    LayerMatch { layer: format!("{file}: {}", found.layer), ..found }
 }
 
 impl Several {

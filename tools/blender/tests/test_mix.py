@@ -340,3 +340,31 @@ def test_a_render_that_is_there_is_opened(cycles, program, tmp_path):
     assert sorted(light_names(program, tmp_path)) == ["fill", "key"]
     with pytest.raises(RuntimeError, match="none.exr"):
         bpy.ops.ltm.open_render(filepath=str(tmp_path / "none.exr"))
+
+
+def test_a_look_becomes_compositor_nodes(cycles, program, tmp_path):
+    """What the nodes make of the layers is what ltm makes of the look."""
+    room.lamp("POINT", "Küche.001", (0, -1, 2.5), energy=50, color=(1.0, 0.5, 0.25))
+    room.lamp("POINT", "Küche_001", (1, -1, 2.5), energy=20)
+    room.world((0.3, 0.5, 1.0), 0.2)
+    assert bpy.ops.ltm.run_cycles() == {"FINISHED"}
+    look = tmp_path / "evening.toml"
+    rules = '[[light]]\nname = "Küche.001"\nstops = 2\n[[light]]\nname = "Küche_001"\non = false\n'
+    look.write_text(rules + '[[light]]\nname = "World"\ncolor = { linear = [0, 1, 0.5] }\n', encoding="utf-8")
+    wanted = tmp_path / "wanted.exr"
+    packed = next(tmp_path.glob("*.ltc"))
+    arguments = [program, "relight", packed, "-o", wanted, "--lighting", look, "--device", "cpu"]
+    subprocess.run(arguments, check=True, capture_output=True)
+    assert bpy.ops.ltm.look_nodes(filepath=str(look)) == {"FINISHED"}
+    tree = cycles.node_tree
+    group = next(node for node in tree.nodes if node.type == "GROUP")
+    assert group.node_tree.name == "evening" and [socket.name for socket in group.inputs] == ["Küche.001", "Küche_001", "World"]
+    for node in [node for node in tree.nodes if node.type in {"R_LAYERS", "COMPOSITE"}]:
+        tree.nodes.remove(node)
+    tree.links.new(group.outputs[0], tree.nodes.new("CompositorNodeComposite").inputs[0])
+    settings = cycles.render.image_settings
+    settings.file_format, settings.color_depth, settings.color_mode = "OPEN_EXR", "32", "RGB"
+    cycles.render.filepath, cycles.cycles.samples = str(tmp_path / "composited.exr"), 1
+    bpy.ops.render.render(write_still=True)
+    found, wanted = room.read(tmp_path / "composited.exr"), room.read(wanted)
+    assert abs(found - wanted).max() < 1e-4 * wanted.max()
