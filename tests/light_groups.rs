@@ -136,10 +136,10 @@ fn cleaning_gives_the_same_file_back_with_clean_groups_that_add_up() {
             let is_lit = name.starts_with("V.Combined") && name != "V.Combined.A";
             assert_eq!(samples != &after[name], is_lit, "{name}");
         }
-        for lamp in 0..3 {
+        for (lamp, name) in LAMPS.iter().enumerate() {
             let errors = [error_of(&before, lamp), error_of(&after, lamp)];
             // Two renderings alone would leave 1/√2 of the noise of one.
-            assert!(errors[1] < 0.25 * errors[0], "{} {errors:?}", LAMPS[lamp]);
+            assert!(errors[1] < 0.25 * errors[0], "{name} {errors:?}");
         }
         for letter in ["R", "G", "B"] {
             let value = |name: String, pixel: usize| f64::from(after[&name].values_as_f32().nth(pixel).unwrap());
