@@ -21,6 +21,8 @@ from .not_exported import NotExported
 SCRIPT = Path(__file__).with_name("render_light_groups.py")
 # Bytes of a pixel of a light group: three values in Cycles, as many in Blender's picture, and as much again on the way to the file.
 BYTES_PER_PIXEL = 48
+# Bytes of a pixel of a light group on disk while it lasts: in the file, and again as the packer reads it.
+DISK_BYTES_PER_PIXEL = 24
 # Memory of a machine that does not tell.
 UNKNOWN_MEMORY = 16 << 30
 # Lights that are cleaned at once.
@@ -48,6 +50,11 @@ class Plan:
         count = len(self.sources)
         return [(first, min(first + self.at_once, count)) for first in range(0, count, self.at_once)]
 
+    def disk_bytes(self):
+        """Disk that the render takes until it is packed."""
+        width, height = self.size
+        return width * height * len(self.sources) * self.halves * DISK_BYTES_PER_PIXEL
+
     def described(self):
         """What will be done, in lines."""
         width, height = self.size
@@ -56,7 +63,8 @@ class Plan:
         lines = [f"{count} light{'s' if count > 1 else ''}, {width} × {height} pixels, {self.samples * self.halves} samples"]
         if self.halves == 2:
             lines.append(f"In two halves of {self.samples} samples with two seeds, so that the noise is known")
-        lines.append(f"About {width * height * groups * BYTES_PER_PIXEL / GIB:.1f} GiB of memory for light groups")
+        memory = width * height * groups * BYTES_PER_PIXEL / GIB
+        lines.append(f"About {memory:.1f} GiB of memory and meanwhile {self.disk_bytes() / GIB:.1f} GiB of disk for light groups")
         if len(self.parts()) > 1:
             lines.append(f"{groups} lights at a time: the scene is rendered {len(self.parts())} times over")
         if len(self.sources) > MOST_CLEANED:
@@ -120,6 +128,10 @@ class Job:
 
     def __init__(self, context, planned, where):
         where.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(where).free
+        if planned.disk_bytes() > free:
+            needed = f"the render needs {planned.disk_bytes() / GIB:.1f} GiB of disk for a while"
+            raise NotExported(f"{needed}, and {free / GIB:.1f} GiB are free in {where}: make room or choose another folder")
         self.plan = planned
         # What is said of the scene is said now: it may be worked on while Cycles renders.
         self.lights, self.user_groups = list(map(described, planned.sources)), groups_of(planned.sources)

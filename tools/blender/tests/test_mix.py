@@ -216,6 +216,15 @@ def test_what_cannot_be_rendered_is_one_clear_line(cycles, program, tmp_path, br
     assert state(cycles) == before and left(tmp_path) == []
 
 
+def test_a_disk_without_room_is_said_before_anything_is_rendered(cycles, program, tmp_path, monkeypatch):
+    room.lamp("POINT", "bulb", (0, -1, 2.5), energy=50)
+    usage = type("Usage", (), {"free": 1000})
+    monkeypatch.setattr(sys.modules["ltm.cycles_job"].shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(RuntimeError, match="GiB of disk"):
+        bpy.ops.ltm.run_cycles()
+    assert left(tmp_path) == []
+
+
 @pytest.mark.parametrize("which", ["the render", "the packer"])
 def test_a_failure_in_the_middle_leaves_the_scene_and_the_container(cycles, program, tmp_path, monkeypatch, which):
     shining_room()
