@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::image::open_exr::{ChannelPlace, read_meta, rewrite_lines};
 use crate::image::primaries::{ColourMatrix, inverse};
 
-/// Gives row `y` of a channel of an image: `(image, channel, y, row)`.
+/// As [`FetchRow`](crate::image::FetchRow), on any thread: `(image, channel, y, row)`.
 pub type GiveRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()> + Send + 'a;
 
 impl LightSet {
