@@ -503,8 +503,10 @@ fn one_rendering_is_denoised() {
     let mut divided = block(&noisy);
     divided.divide_columns(noisy.job().basis.column_scales());
     let TracedBlock { block: entries, planes, .. } = divided;
-    let [first, other] = planes.unwrap().indirect;
-    for ((a, b), entry) in first.iter().zip(&other).zip(entries.entries()) {
+    let planes = planes.unwrap();
+    // Direct and indirect light together, in each half.
+    let [first, other] = [0, 1].map(|half| planes.direct[half].iter().zip(&planes.indirect[half]).map(|(d, i)| d + i));
+    for ((a, b), entry) in first.zip(other).zip(entries.entries()) {
         assert!((0.5 * (a + b) - entry).abs() <= entry / 256.0, "{a} and {b} of {entry}");
     }
     // What has no noise stays what it is.

@@ -38,7 +38,7 @@ pub use linear::{LinearImage, luminance};
 pub(crate) use measure::percentile;
 pub use measure::{ImageError, compare};
 pub use npy::{npy_header, write_npy, write_npy_values};
-pub use per_light::{FeaturePasses, LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
+pub use per_light::{FeaturePasses, GiveRow, LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
 pub use read::{decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
 pub use rgba::{ImageFacts, RgbaImage};
 pub use tone::{

@@ -122,7 +122,8 @@ fn product(a: &ColourMatrix, b: &ColourMatrix) -> ColourMatrix {
     a.map(|row| [0, 1, 2].map(|j| row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j]))
 }
 
-fn inverse(m: &ColourMatrix) -> Option<ColourMatrix> {
+/// The inverse of a matrix; none where there is none, or hardly one.
+pub(super) fn inverse(m: &ColourMatrix) -> Option<ColourMatrix> {
     let minor = |i: usize, j: usize| {
         let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
         m[a][c] * m[b][d] - m[a][d] * m[b][c]

@@ -19,6 +19,7 @@
 //! # Ok::<(), ltm::Error>(())
 //! ```
 
+mod clean;
 mod column_scales;
 mod compare;
 mod daylight;
@@ -36,6 +37,7 @@ mod share;
 mod unpack;
 mod verify;
 
+pub use clean::{CleanOptions, clean_images};
 pub use compare::{BlockComparison, WorstEntry, compare_matrices, total_relative_l2};
 pub use daylight::{DaylightOptions, DaylightSource, DaylightYear, daylight, lighting_at, write_ill, write_measures};
 pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};

@@ -57,6 +57,7 @@ pub(super) const CASES: &[Case] = &[
     case(EXR, "light groups whose names hold those of passes", Read, open_exr::pass_names),
     case(EXR, "a denoised Combined beside a Noisy Image", Read, open_exr::noisy_image),
     case(EXR, "denoised copies, variances, LightMix and other sums", Read, open_exr::copies_and_sums),
+    case(EXR, "lights of Karma, RenderMan, Redshift and Octane by their names", Read, open_exr::renderers),
     case(EXR, "a light that is the sum of the others", Warned, open_exr::sum_of_others),
     case(NUMPY, "float16, float32, float64 `[lights, height, width, 3]`", Read, files::floats),
     case(NUMPY, "`[height, width, 3, 3]`, as `ltm.open` shows three columns", Refused, files::lights_last),

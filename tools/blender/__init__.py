@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import interface, operators
+from . import cycles_operators, interface, operators
 
-CLASSES = operators.CLASSES + interface.CLASSES
+CLASSES = operators.CLASSES + cycles_operators.CLASSES + interface.CLASSES
 
 
 def register():

@@ -2,9 +2,9 @@
 """Settings, the menu in Render, the panels."""
 
 import bpy
-from bpy.props import IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
-from . import operators
+from . import cycles_operators, operators
 
 
 class LtmPreferences(bpy.types.AddonPreferences):
@@ -35,6 +35,18 @@ class LtmScene(bpy.types.PropertyGroup):
         min=1,
         max=64,
     )
+    two_halves: BoolProperty(
+        name="Two Halves",
+        description="Cycles renders half the samples twice, with two seeds, so that the noise is known and is cleaned better",
+        default=True,
+    )
+    groups_at_once: IntProperty(
+        name="Lights at a Time",
+        description="Lights of one render by Cycles; more are rendered in several. 0 for what half of the memory holds",
+        default=0,
+        min=0,
+        max=65536,
+    )
     sky_texels: IntProperty(name="World Texels", description="Texels of the world around", default=32, min=2, max=256)
 
 
@@ -59,6 +71,9 @@ class LTM_PT_scene(bpy.types.Panel):
         layout.use_property_split = True
         for name in ("folder", "samples", "texels", "sky_texels"):
             layout.prop(settings, name)
+        column = layout.column(heading="Render with Cycles")
+        column.prop(settings, "two_halves")
+        column.prop(settings, "groups_at_once")
         draw_operators(layout)
 
 
@@ -90,8 +105,11 @@ def draw_operators(layout):
     # Invoked, so that the render leaves the window free.
     layout.operator_context = "INVOKE_DEFAULT"
     layout.operator(operators.LTM_OT_render.bl_idname, icon="LIGHT")
+    layout.operator(cycles_operators.LTM_OT_render_cycles.bl_idname, icon="RENDER_STILL")
+    layout.operator(cycles_operators.LTM_OT_open_render.bl_idname, icon="FILE_FOLDER")
     layout.operator(operators.LTM_OT_view.bl_idname)
     layout.operator(operators.LTM_OT_apply_look.bl_idname)
+    layout.operator(operators.LTM_OT_look_nodes.bl_idname)
     layout.operator(operators.LTM_OT_export.bl_idname)
     layout.operator(operators.LTM_OT_add_luminaires.bl_idname)
 

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 
 import bpy
 
-from . import glb, lamps, world
+from . import glb, lamps, light_sources, world
 from .weights import differs, rescale
 
 
@@ -38,19 +38,56 @@ def apply(context, lights, surfaces):
     return changed, remarks
 
 
-def apply_groups(context, file):
+def apply_to_cycles(context, lights, entries):
+    """Gives what Cycles rendered the weights that it has in `lights`, multiples of what was rendered; `entries` are those of
+    `cycles_job.write_lights`. Returns how many changed, and remarks.
+    """
+    remarks, changed, materials = [], 0, {}
+    stated = {entry["name"]: entry for entry in entries}
+    known = light_sources.by_key(bpy.data.objects)
+    for light in lights:
+        name, weight, entry = light["name"], light["weight"], stated.get(light["name"])
+        if entry is None:
+            if differs(weight, light["scene_weight"]):
+                remarks.append(f"'{name}' is none of the lights that were rendered, and is not brought back")
+            continue
+        before = entry["emission"] or [1.0] * 3
+        wanted = [w * b for w, b in zip(weight, before)]
+        if entry["kind"] == "world":
+            found = light_sources.world_of(context)
+            changed += world.set_strength(found, wanted, before, remarks) if found is not None else 0
+        elif entry["kind"] == "lamp":
+            thing = known.get(tuple(entry["objects"][0]))
+            if thing is None or thing.type != "LIGHT":
+                remarks.append(f"'{name}' is not in this scene")
+            elif differs(wanted, [c * thing.data.energy for c in lamps.tint(thing.data)]):
+                lamps.set_strength(thing.data, 1.0, wanted)
+                changed += 1
+        for material, emission in entry["materials"]:
+            before = emission or [1.0] * 3
+            wanted = [w * b for w, b in zip(weight, before)]
+            first = materials.setdefault(material, (name, wanted))
+            if first[0] == name:
+                changed += set_material(material, wanted, before, remarks)
+            elif differs(first[1], wanted):
+                remarks.append(f"'{name}' has the material of '{first[0]}', and gets its strength")
+    return changed, remarks
+
+
+def apply_groups(context, file, objects_of=None):
     """Gives objects and the world the groups of a look file as Cycles' light groups: of a light in several, the smallest.
 
-    Returns how many groups there are, and remarks.
+    `objects_of` are the objects of lights that are several. Returns how many groups there are, and remarks.
     """
     text = file.read_text(encoding="utf-8")
     look = json.loads(text) if file.suffix.lower() == ".json" else tomllib.loads(text)
     stated = {name: [n for n in names if isinstance(n, str)] for name, names in look.get("groups", {}).items() if isinstance(names, list)}
     scene = context.scene
-    things = {thing.name: thing for thing in scene.objects}
+    things = {thing.name: [thing] for thing in scene.objects}
     if scene.world is not None:
         # As the export calls it.
-        things["World"] = scene.world
+        things["World"] = [scene.world]
+    things.update(objects_of or {})
     # Of the look's wildcards, brackets are none.
     def fits(name, pattern):
         # A name comes before its reading as wildcards.
@@ -68,8 +105,8 @@ def apply_groups(context, file):
         if found and name not in known:
             context.view_layer.lightgroups.add(name=name)
             known.add(name)
-        for thing in found:
-            things[thing].lightgroup = name
+        for thing in (thing for light in found for thing in things[light]):
+            thing.lightgroup = name
     return sum(map(bool, members.values())), remarks
 
 
@@ -89,15 +126,12 @@ def set_material(name, weight, before, remarks):
     material = bpy.data.materials.get(name)
     if material is None:
         return 0
-    nodes = material.node_tree.nodes if material.use_nodes else []
-    node = next((n for n in nodes if n.type == "EMISSION"), None)
-    node = node or next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None)
+    node = emissive_node(material)
     if node is None:
         if differs(weight, before):
             remarks.append(f"the material '{name}' keeps its strength: it has no emission node")
         return 0
-    is_emission = node.type == "EMISSION"
-    colour, strength = (node.inputs[k] for k in (("Color", "Strength") if is_emission else ("Emission Color", "Emission Strength")))
+    colour, strength = emissive_inputs(node)
     if strength.is_linked:
         if differs(weight, before):
             remarks.append(f"the material '{name}' keeps its strength: other nodes decide it")
@@ -111,3 +145,27 @@ def set_material(name, weight, before, remarks):
         colour.default_value = [w / strongest for w in weight] + [1.0]
     strength.default_value = strongest
     return 1
+
+
+def emissive_node(material):
+    """The node by which a material shines; none where it has none of the usual ones."""
+    nodes = material.node_tree.nodes if material.use_nodes else []
+    node = next((n for n in nodes if n.type == "EMISSION"), None)
+    return node or next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None)
+
+
+def emissive_inputs(node):
+    """Its colour and its strength."""
+    names = ("Color", "Strength") if node.type == "EMISSION" else ("Emission Color", "Emission Strength")
+    return [node.inputs[name] for name in names]
+
+
+def emission_of(material):
+    """Strength times colour of a material; none where other nodes decide them."""
+    node = emissive_node(material)
+    if node is None:
+        return None
+    colour, strength = emissive_inputs(node)
+    if colour.is_linked or strength.is_linked:
+        return None
+    return [c * strength.default_value for c in colour.default_value[:3]]

@@ -10,20 +10,9 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 from mathutils import Matrix
 
-from . import looks, program, scene_file
-
-MISSING = "the program ltm was not found: install it (cargo install --path tools/cli), or say in the preferences where it is"
-
-
-def preferences(context):
-    """The add-on's preferences; none where it runs without being installed, as in tests."""
-    found = context.preferences.addons.get(__package__)
-    return found.preferences if found else None
-
-
-def find_program(context):
-    stated = preferences(context)
-    return program.find(bpy.path.abspath(stated.program) if stated and stated.program else "")
+from . import cycles_job, finding, light_sources, look_nodes, looks, program, scene_file
+from .finding import MISSING, find_program
+from .watched import Watched
 
 
 def export(operator, context):
@@ -52,16 +41,13 @@ class LTM_OT_export(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LTM_OT_render(bpy.types.Operator):
+class LTM_OT_render(Watched, bpy.types.Operator):
     """Export the scene, render the light of every lamp by itself, and open the mixer"""
 
     bl_idname = "ltm.render"
     bl_label = "Render"
 
     open_mixer: BoolProperty(name="Open the Mixer", default=True, options={"SKIP_SAVE"})
-
-    run = None
-    timer = None
 
     def start(self, context):
         """Exports and starts the program; whether it runs."""
@@ -83,52 +69,12 @@ class LTM_OT_render(bpy.types.Operator):
 
     def finish(self, context):
         """Reports how the run ended."""
-        code = self.run.wait()
-        for line in self.run.lines:
-            if line.startswith("warning: "):
-                self.report({"WARNING"}, line.removeprefix("warning: "))
-        if self.run.stopped:
-            self.report({"WARNING"}, "the render was cancelled")
+        if not self.succeeded():
             return {"CANCELLED"}
-        if code != 0:
-            self.report({"ERROR"}, self.run.problem())
-            return {"CANCELLED"}
+        cycles_job.lights_file(self.packed).unlink(missing_ok=True)
         self.report({"INFO"}, f"{self.packed} is rendered")
-        if self.open_mixer and not bpy.app.background:
-            bpy.ops.ltm.view()
+        self.show(context)
         return {"FINISHED"}
-
-    def execute(self, context):
-        """Without a window: to the end, in one go."""
-        return self.finish(context) if self.start(context) else {"CANCELLED"}
-
-    def invoke(self, context, _event):
-        if not self.start(context):
-            return {"CANCELLED"}
-        self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
-        context.window_manager.progress_begin(0, 100)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            self.run.stop()
-        if self.run.is_running():
-            context.workspace.status_text_set(f"{self.run.status()} – Esc cancels")
-            context.window_manager.progress_update(100 * self.run.share())
-            return {"PASS_THROUGH"}
-        self.tidy(context)
-        return self.finish(context)
-
-    def cancel(self, context):
-        """Blender ends or opens another file."""
-        self.run.stop()
-        self.tidy(context)
-
-    def tidy(self, context):
-        context.window_manager.event_timer_remove(self.timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
 
 
 class LTM_OT_view(bpy.types.Operator):
@@ -142,16 +88,28 @@ class LTM_OT_view(bpy.types.Operator):
         return scene_file.packed(context.scene).is_file()
 
     def execute(self, context):
-        found = find_program(context)
-        if found is None:
-            self.report({"ERROR"}, MISSING)
-            return {"CANCELLED"}
-        try:
-            subprocess.Popen([found, "view", str(scene_file.packed(context.scene))], stdin=subprocess.DEVNULL)
-        except OSError as error:
-            self.report({"ERROR"}, f"{found} does not start: {error.strerror}")
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        is_open = finding.open_mixer(self, context, scene_file.packed(context.scene))
+        return {"FINISHED"} if is_open else {"CANCELLED"}
+
+
+def said_by(operator, context, *arguments):
+    """What the program says to these arguments; none, with an error reported, where it fails."""
+    found = find_program(context)
+    if found is None:
+        operator.report({"ERROR"}, MISSING)
+        return None
+    done = subprocess.run([found, *map(str, arguments)], capture_output=True, encoding="utf-8", errors="replace")
+    if done.returncode != 0:
+        operator.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
+        return None
+    return done.stdout
+
+
+def weights_of(operator, context, packed, file, look):
+    """What the lights of a container have by a look file; none, with an error reported, where it cannot be told."""
+    named = ["--look", look] if look else []
+    said = said_by(operator, context, "info", packed, "--json", "--lighting", file, *named)
+    return None if said is None else json.loads(said)["lights"]
 
 
 class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
@@ -165,22 +123,55 @@ class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
     look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
 
     def execute(self, context):
-        found = find_program(context)
-        if found is None:
-            self.report({"ERROR"}, MISSING)
-            return {"CANCELLED"}
         packed = scene_file.packed(context.scene)
-        arguments = [found, "info", packed, "--json", "--lighting", self.filepath]
-        arguments += ["--look", self.look] if self.look else []
-        done = subprocess.run([str(a) for a in arguments], capture_output=True, encoding="utf-8", errors="replace")
-        if done.returncode != 0:
-            self.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
+        lights = weights_of(self, context, packed, self.filepath, self.look)
+        if lights is None:
             return {"CANCELLED"}
-        changed, remarks = looks.apply(context, json.loads(done.stdout)["lights"], packed.with_suffix(".glb"))
-        groups, more = looks.apply_groups(context, Path(self.filepath))
+        by_cycles, objects_of = cycles_job.lights_file(packed), {}
+        if by_cycles.is_file():
+            entries = json.loads(by_cycles.read_text(encoding="utf-8"))
+            known = light_sources.by_key(bpy.data.objects)
+            for entry in (entry for entry in entries if entry["kind"] != "world"):
+                found = [known.get(tuple(key)) for key in entry["objects"]]
+                objects_of[entry["name"]] = [thing for thing in found if thing is not None]
+            changed, remarks = looks.apply_to_cycles(context, lights, entries)
+        else:
+            changed, remarks = looks.apply(context, lights, packed.with_suffix(".glb"))
+        groups, more = looks.apply_groups(context, Path(self.filepath), objects_of)
         for remark in remarks + more:
             self.report({"WARNING"}, remark)
         self.report({"INFO"}, f"{changed} lights changed" + (f", {groups} light groups" if groups else ""))
+        return {"FINISHED"}
+
+
+class LTM_OT_look_nodes(bpy.types.Operator, ImportHelper):
+    """Make compositor nodes of a look that the mixer saved: the image of each light times its weight, added up"""
+
+    bl_idname = "ltm.look_nodes"
+    bl_label = "Look as Nodes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default="*.toml;*.json", options={"HIDDEN"})
+    look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
+
+    @classmethod
+    def poll(cls, context):
+        return scene_file.packed(context.scene).is_file()
+
+    def execute(self, context):
+        packed = scene_file.packed(context.scene)
+        lights = weights_of(self, context, packed, self.filepath, self.look)
+        layers = packed.with_suffix(".lights.exr")
+        if lights is None or said_by(self, context, "relight", packed, "--layers", "lights", "-o", layers) is None:
+            return {"CANCELLED"}
+        weights, remarks = look_nodes.factors(lights)
+        image = bpy.data.images.load(str(layers), check_existing=True)
+        image.reload()
+        name = self.look or Path(self.filepath).stem
+        node = look_nodes.build(look_nodes.tree_of(context.scene), name, weights, image)
+        for remark in remarks:
+            self.report({"WARNING"}, remark)
+        self.report({"INFO"}, f"{len(node.inputs)} lights in the group '{name}'; link its output where you want it")
         return {"FINISHED"}
 
 
@@ -230,6 +221,7 @@ CLASSES = (
     LTM_OT_render,
     LTM_OT_view,
     LTM_OT_apply_look,
+    LTM_OT_look_nodes,
     LTM_OT_add_luminaires,
     LTM_FH_luminaires,
 )

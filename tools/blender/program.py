@@ -14,6 +14,12 @@ PROGRESS = re.compile(r"progress: (.*) (\d+)/(\d+)$")
 PATIENCE = 10.0
 
 
+def beside(program, name):
+    """Another of the programs, that lies in the folder of the one that was found, or else on the path. None where there is none."""
+    place = Path(program).with_name(name + Path(program).suffix)
+    return str(place) if place.is_file() else shutil.which(name)
+
+
 def find(stated=""):
     """The program: as it is stated in the preferences or in LTM, on the path, or where cargo installs. None where there is none."""
     name = "ltm.exe" if os.name == "nt" else "ltm"
@@ -25,9 +31,13 @@ def find(stated=""):
 
 
 class Run:
-    """A run of ltm. Threads read what it says, so that nothing waits for it."""
+    """A run of a program, of ltm or another Blender. Threads read what it says, so that nothing waits for it.
 
-    def __init__(self, arguments):
+    `asks`: it is asked to end, and then leaves its files in order; else it is ended, as its files are thrown away.
+    """
+
+    def __init__(self, arguments, asks=True):
+        self.asks = asks
         self.stage, self.done, self.total = "starting", 0, 0
         self.lines, self.stopped = [], False
         # A group of its own, so that Ctrl-C in Blender's terminal is Blender's.
@@ -68,11 +78,13 @@ class Run:
         return code
 
     def stop(self):
-        """Ends it: by asking first, so that it leaves its files in order."""
+        """Ends it."""
         self.stopped = True
         if not self.is_running():
             return
-        if os.name == "nt":
+        if not self.asks:
+            self.process.kill()
+        elif os.name == "nt":
             self.process.terminate()
         else:
             self.process.send_signal(signal.SIGINT)
@@ -85,3 +97,47 @@ class Run:
         """Its error, the last line that it said so in, for a report."""
         said = [line for line in self.lines if line.startswith("ltm")]
         return (said or self.lines or ["ltm ended without a word"])[-1]
+
+
+class Chain:
+    """Runs of programs, one after the other as long as they succeed, as if they were one."""
+
+    def __init__(self, *steps):
+        """Each step is arguments, and whether the program is asked to end where it is to."""
+        self.waiting, self.lines_before = list(steps), []
+        self.run = Run(*self.waiting.pop(0))
+
+    def is_running(self):
+        if self.run.is_running():
+            return True
+        if self.run.stopped or not self.waiting or self.run.wait() != 0:
+            return False
+        self.lines_before += self.run.lines
+        self.run = Run(*self.waiting.pop(0))
+        return True
+
+    def wait(self):
+        """Waits for the end of all and returns the exit code of the last that ran."""
+        while self.is_running():
+            self.run.wait()
+        return self.run.wait()
+
+    @property
+    def lines(self):
+        return self.lines_before + self.run.lines
+
+    @property
+    def stopped(self):
+        return self.run.stopped
+
+    def share(self):
+        return self.run.share()
+
+    def status(self):
+        return self.run.status()
+
+    def stop(self):
+        self.run.stop()
+
+    def problem(self):
+        return self.run.problem()

@@ -93,6 +93,12 @@ impl Window {
         self.x < other.right() && other.x < self.right() && self.y < other.bottom() && other.y < self.bottom()
     }
 
+    /// Whether the pixel at `(x, y)` of `frame` lies in this window.
+    pub(in crate::image) fn covers(&self, frame: &Self, (x, y): (usize, usize)) -> bool {
+        let (x, y) = (frame.x + x as i64, frame.y + y as i64);
+        (self.x..self.right()).contains(&x) && (self.y..self.bottom()).contains(&y)
+    }
+
     /// For a run of `length` pixels of this window from `(x, y)` on: how many lie before `frame`, and the position in
     /// `frame` and the length of those inside. `None` if there are none inside.
     pub(in crate::image) fn clip(&self, frame: &Self, (x, y): (usize, usize), length: usize) -> Option<Clipped> {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::layers::{self, Layers};
-use super::{LightRow, TakeRow};
+use super::{LightRow, TakeRow, several};
 use crate::error::{Error, Result};
 use crate::resources::MemoryNeed;
 
@@ -26,11 +26,14 @@ impl MemoryNeed for FeaturePasses {
 
 impl FeaturePasses {
     /// The passes of a file: layers in whose names `albedo`, `normal` or `depth` stands, those for denoisers first. None if it
-    /// has none of them, or is no OpenEXR file by its name.
+    /// has none of them, or is no OpenEXR file by its name. Of several files by a pattern with `*`, those of the first.
     ///
     /// # Errors
     /// A file that cannot be read.
     pub fn find(path: &Path) -> Result<Option<Self>> {
+        if !path.to_string_lossy().contains("{light}") && several::is_pattern(path) {
+            return Self::find(&several::files(path)?[0]);
+        }
         if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             return Ok(None);
         }

@@ -16,24 +16,26 @@ use crate::image::primaries::ColourMatrix;
 /// Positions of the images in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Layers {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// For each channel that is wanted, the image and the colour that it is; no colour: all three.
-    targets: HashMap<ChannelPlace, (usize, Option<usize>)>,
-    parts: Vec<ExrPart>,
+    pub(super) targets: HashMap<ChannelPlace, (usize, Option<usize>)>,
+    /// The channels that show all lights to people: those of the sum, or of the denoised picture beside it.
+    pub(super) beauty: HashMap<ChannelPlace, Option<usize>>,
+    pub(super) parts: Vec<ExrPart>,
     /// The part of each image.
     parts_of_images: Vec<usize>,
-    frame: Window,
+    pub(super) frame: Window,
     chunk_bytes: u64,
 }
 
 /// A part of the file.
 #[derive(Clone, Debug)]
-struct ExrPart {
+pub(super) struct ExrPart {
     channels: usize,
     /// Window of its pixels.
-    data: Window,
+    pub(super) data: Window,
     /// Matrix to Rec. 709, if it has other primaries.
-    matrix: Option<ColourMatrix>,
+    pub(super) matrix: Option<ColourMatrix>,
 }
 
 fn refuse(path: &Path, problem: String, hint: impl Into<Hint>) -> Error {
@@ -64,18 +66,15 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
         matches.push(LayerMatch { layer: layer.name.clone(), role });
     }
     images.extend(sum);
+    let beauty = sum.and_then(|sum| places_of(beauty_of(&all, sum))).unwrap_or_default().into_iter().collect();
     let (matrices, notes) = matrices(path, &meta)?;
     warnings.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
     let mut targets = HashMap::new();
     let mut parts_of_images = Vec::new();
     for (image, layer) in images.iter().enumerate() {
-        let places: Vec<(ChannelPlace, Option<usize>)> = match layer.colours {
-            Some(Colours::Rgb(places)) => (0..3).map(|colour| (places[colour], Some(colour))).collect(),
-            Some(Colours::Grey(place)) => vec![(place, None)],
-            Some(Colours::Chroma(_)) | None => {
-                let problem = format!("layer '{}' holds luminance and chroma", layer.name);
-                return Err(refuse(path, problem, "write it as red, green and blue"));
-            }
+        let Some(places) = places_of(layer) else {
+            let problem = format!("layer '{}' holds luminance and chroma", layer.name);
+            return Err(refuse(path, problem, "write it as red, green and blue"));
         };
         let part = places[0].0.0;
         if places.iter().any(|(place, _)| place.0 != part) {
@@ -103,9 +102,36 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
         matrix,
     });
     let parts = parts.collect();
-    let source =
-        Layers { path: path.to_owned(), targets, parts, parts_of_images, frame, chunk_bytes: chunk_bytes(&meta) };
+    let source = Layers {
+        path: path.to_owned(),
+        targets,
+        beauty,
+        parts,
+        parts_of_images,
+        frame,
+        chunk_bytes: chunk_bytes(&meta),
+    };
     Ok(LightSet { width, height, lights, has_sum: sum.is_some(), matches, warnings, source: Source::Layers(source) })
+}
+
+/// The channels of a layer, each with the colour that it is; no colour: all three. None for luminance with chroma, and for no picture.
+fn places_of(layer: &ExrLayer) -> Option<Vec<(ChannelPlace, Option<usize>)>> {
+    match layer.colours {
+        Some(Colours::Rgb(places)) => Some((0..3).map(|colour| (places[colour], Some(colour))).collect()),
+        Some(Colours::Grey(place)) => Some(vec![(place, None)]),
+        Some(Colours::Chroma(_)) | None => None,
+    }
+}
+
+/// The layer that people look at: of a noisy sum the denoised picture of the same view layer.
+fn beauty_of<'a>(all: &'a [ExrLayer], sum: &'a ExrLayer) -> &'a ExrLayer {
+    let path = sum.stem.to_lowercase().strip_suffix("noisy image").map(str::to_owned);
+    let is_beside = |layer: &&ExrLayer| {
+        path.as_ref().is_some_and(|path| layer.stem.to_lowercase() == format!("{path}combined"))
+            && layer.view == sum.view
+            && places_of(layer).is_some()
+    };
+    all.iter().find(is_beside).unwrap_or(sum)
 }
 
 fn named(layer: &ExrLayer) -> Named<'_> {
@@ -172,7 +198,8 @@ pub(super) fn open_features(path: &Path) -> Result<Option<(Layers, (u32, u32))>>
     let chunk_bytes = chunk_bytes(&meta);
     // All of them have the whole frame.
     let parts_of_images = Vec::new();
-    Ok(Some((Layers { path: path.to_owned(), targets, parts, parts_of_images, frame, chunk_bytes }, size)))
+    let (path, beauty) = (path.to_owned(), HashMap::new());
+    Ok(Some((Layers { path, targets, beauty, parts, parts_of_images, frame, chunk_bytes }, size)))
 }
 
 /// The colours of a row of one image, until all three are there.

@@ -7,12 +7,16 @@ mod array;
 mod features;
 mod files;
 mod layers;
+mod namings;
+mod rewrite;
 mod roles;
+mod several;
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 pub use features::FeaturePasses;
+pub use rewrite::GiveRow;
 
 use crate::error::{Error, Hint, Result, Warnings};
 use crate::image::open_exr::Window;
@@ -110,6 +114,7 @@ pub struct LightSet {
 enum Source {
     Files(files::Files),
     Layers(layers::Layers),
+    Several(several::Several),
     Array(array::ImageArray),
 }
 
@@ -121,6 +126,7 @@ impl MemoryNeed for LightSet {
             // One image at a time.
             Source::Files(files) => files.needs_bytes(),
             Source::Layers(layers) => layers.chunk_bytes(),
+            Source::Several(several) => several.chunk_bytes(),
             Source::Array(_) => u64::from(self.width) * 64 + ARRAY_BUFFERS,
         };
         reading + 2 * names as u64
@@ -130,6 +136,7 @@ impl MemoryNeed for LightSet {
         match &self.source {
             // Compressed, decompressed, and on the way between: twice, for planes of bytes and for their differences.
             Source::Layers(layers) => layers.chunk_bytes().saturating_mul(5),
+            Source::Several(several) => several.chunk_bytes().saturating_mul(5),
             Source::Files(_) | Source::Array(_) => 0,
         }
     }
@@ -137,10 +144,12 @@ impl MemoryNeed for LightSet {
 
 impl LightSet {
     /// Opens images of lights: a folder (each image file is a light), a file name with `{light}` instead of the
-    /// light's name and `*` for any text, an NPY or NPZ file, or an OpenEXR file with light groups.
+    /// light's name and `*` for any text, an NPY or NPZ file, an OpenEXR file with light groups, or a file name with `*` alone
+    /// for several such files, which share the light groups of one rendering.
     ///
-    /// `layers` selects the layers of an OpenEXR file that are lights. Without it, the conventions of Blender, Arnold,
-    /// V-Ray and LuxCore apply in this order, then any layer of three colours beside the one under all lights.
+    /// `layers` selects the layers of an OpenEXR file that are lights. Without it, the conventions of Blender, Arnold, V-Ray, Corona,
+    /// LuxCore, Karma, RenderMan, Redshift and Octane apply in this order, then any layer of three colours beside the one under all
+    /// lights.
     ///
     /// # Errors
     /// What cannot be read, nothing that looks like a light, two lights of one name, images of different sizes, more
@@ -150,6 +159,7 @@ impl LightSet {
         let set = match extension.as_deref() {
             _ if path.is_dir() => files::open(&path.join("{light}.*"))?,
             _ if path.to_string_lossy().contains("{light}") => files::open(path)?,
+            _ if several::is_pattern(path) => several::open(path, layers)?,
             Some("npy" | "npz") => array::open(path)?,
             _ => layers::open(path, layers)?,
         };
@@ -160,14 +170,42 @@ impl LightSet {
         if set.lights.len() > MAX_LIGHTS {
             return refuse(format!("it has {} lights", set.lights.len()), "give 262,144 at most".into());
         }
-        let mut names = HashSet::new();
-        if let Some(light) = set.lights.iter().find(|light| !names.insert(light.as_str())) {
-            return refuse(
-                format!("two layers are of light '{light}'"),
-                "name the layers by a narrower pattern".into(),
-            );
-        }
+        set.check_names(path)?;
         Ok(set)
+    }
+
+    /// Gives lights other names: a light that `names` has gets the name that stands there. `path` is where the lights are, for
+    /// messages.
+    ///
+    /// # Errors
+    /// An empty name, two lights of one name, a name for a light that is not there.
+    pub fn rename(&mut self, names: &BTreeMap<String, String>, path: &Path) -> Result<()> {
+        let refuse = |problem: String, hint: &str| Err(Error::input(path.display().to_string(), problem, hint));
+        if let Some(unknown) = names.keys().find(|name| !self.lights.contains(name)) {
+            return refuse(format!("there is no light '{unknown}' to be renamed"), "name the lights as its layers do");
+        }
+        if let Some((old, _)) = names.iter().find(|(_, new)| new.is_empty()) {
+            return refuse(format!("the new name of light '{old}' is empty"), "give it a name");
+        }
+        let renamed = |light: &mut String| {
+            if let Some(name) = names.get(light) {
+                light.clone_from(name);
+            }
+        };
+        self.lights.iter_mut().for_each(renamed);
+        for found in &mut self.matches {
+            if let LayerRole::Light(light) = &mut found.role {
+                renamed(light);
+            }
+        }
+        self.check_names(path)
+    }
+
+    fn check_names(&self, path: &Path) -> Result<()> {
+        let mut names = HashSet::new();
+        let Some(light) = self.lights.iter().find(|light| !names.insert(light.as_str())) else { return Ok(()) };
+        let hint = "name the layers by a narrower pattern";
+        Err(Error::input(path.display().to_string(), format!("two layers are of light '{light}'"), hint))
     }
 
     /// Number of images: the lights, and the one under all of them where there is one.
@@ -183,6 +221,7 @@ impl LightSet {
         match &self.source {
             Source::Files(files) => files.read(take),
             Source::Layers(layers) => layers.read(take),
+            Source::Several(several) => several.read(take),
             Source::Array(array) => array.read((self.width as usize, self.height as usize), take),
         }
     }

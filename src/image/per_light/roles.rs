@@ -3,20 +3,8 @@
 use crate::error::Hint;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::namings::{NAMINGS, Naming, is_one_of};
 use super::{LayerPattern, LayerRole};
-
-/// Names that begin a light's layer, before the light's name, by the renderer that writes them: Blender, Arnold, V-Ray and Corona (single
-/// lights, then those of their LightMix), LuxCore. Of a file the first kind counts that it has.
-const PREFIXES: [&[&str]; 5] = [
-    &["Combined_"],
-    &["RGBA_"],
-    &["VRayLightSelect_", "LightSelect_", "lightSelect_", "CShading_LightSelect_"],
-    &["LightMix_", "VRayLightMix_", "CShading_LightMix_"],
-    &["RADIANCE_GROUP_", "RADIANCE_GROUP#"],
-];
-/// Which of them are of a LightMix, beside whose lights stand some that are no lights of the scene.
-const LIGHT_MIX: usize = 3;
-const BESIDE_LIGHT_MIX: [&str; 4] = ["environment", "selfillumination", "rest", "restoflights"];
 
 /// Names of the layer under all lights, in lower case: the first that is there. Blender's combined image is denoised where a
 /// noisy one stands beside it, and lights add up to the noisy one.
@@ -69,20 +57,26 @@ pub(super) struct Roles {
 /// # Errors
 /// Lights of several view layers or of several views: added up they would show the scene twice.
 pub(super) fn roles(layers: &[Named<'_>], pattern: Option<&LayerPattern>) -> Result<Roles, Refusal> {
-    let mut is_by_elimination = false;
+    let (mut is_by_elimination, mut own_sum) = (false, None);
     let lights = match pattern {
         Some(pattern) => layers.iter().map(|layer| Some((String::new(), pattern.light(layer.name)?))).collect(),
-        None => by_convention(layers).unwrap_or_else(|| {
-            is_by_elimination = true;
-            by_elimination(layers)
-        }),
+        None => match by_convention(layers) {
+            Some((naming, lights)) => {
+                own_sum = naming.sum;
+                lights
+            }
+            None => {
+                is_by_elimination = true;
+                by_elimination(layers)
+            }
+        },
     };
     let views: BTreeSet<Option<&str>> =
         layers.iter().zip(&lights).filter(|(_, light)| light.is_some()).map(|(layer, _)| layer.view).collect();
     if views.len() > 1 {
         return Err(several_views(layers, &lights, &views));
     }
-    let sum = sum_of(layers, &lights)?;
+    let sum = sum_of(layers, &lights, own_sum)?;
     let mut owners: BTreeMap<&str, &str> = BTreeMap::new();
     for (layer, (owner, _)) in layers.iter().zip(&lights).filter_map(|(layer, light)| Some((layer, light.as_ref()?))) {
         owners.entry(owner).or_insert(layer.name);
@@ -102,33 +96,43 @@ pub(super) fn roles(layers: &[Named<'_>], pattern: Option<&LayerPattern>) -> Res
 /// For each layer, where it is a light: the path of names before it, and the light's name.
 type Lights = Vec<Option<(String, String)>>;
 
-/// Lights by the names that renderers give their layers; none where no layer has such a name.
-fn by_convention(layers: &[Named<'_>]) -> Option<Lights> {
+/// Lights by the names that a renderer gives their layers; none where no layer has such a name.
+fn by_convention(layers: &[Named<'_>]) -> Option<(&'static Naming, Lights)> {
     let mut lights: Lights = vec![None; layers.len()];
-    let kind = PREFIXES.iter().position(|prefixes| {
+    let is_beside = |naming: &Naming| {
+        naming.sum.is_none_or(|sum| layers.iter().any(|layer| last(layer.stem).to_lowercase() == sum))
+    };
+    let naming = NAMINGS.iter().find(|naming| {
         for (layer, light) in layers.iter().zip(&mut lights) {
-            *light = after_prefix(layer.stem, prefixes);
+            let whole = is_one_of(&plain(last(layer.stem)), naming.whole);
+            *light = if whole { Some(by_whole_name(layer.stem)) } else { after_prefix(layer.stem, naming.prefixes) };
         }
-        lights.iter().any(Option::is_some)
+        lights.iter().any(Option::is_some) && is_beside(naming)
     })?;
     let stems: BTreeSet<String> = layers.iter().map(|layer| layer.stem.to_lowercase()).collect();
-    let has_sum = layers.iter().any(|layer| sum_rank(layer.stem).is_some());
+    let has_sum = layers.iter().any(|layer| sum_rank(layer.stem, naming.sum).is_some());
     for (layer, light) in layers.iter().zip(&mut lights) {
         let named_copy = light.as_ref().is_some_and(|(_, name)| COPIES.contains(&name.to_lowercase().as_str()));
         if is_copy(layer.stem, &stems) || (named_copy && has_sum) {
             *light = None;
-        } else if kind == LIGHT_MIX && light.is_none() && BESIDE_LIGHT_MIX.contains(&plain(last(layer.stem)).as_str()) {
-            *light = Some((path(layer.stem).to_owned(), last(layer.stem).to_owned()));
+        } else if light.is_none() && is_one_of(&plain(last(layer.stem)), naming.beside) {
+            *light = Some(by_whole_name(layer.stem));
         }
     }
-    Some(lights)
+    Some((naming, lights))
+}
+
+/// What stands before a layer's own name, and that name as a light's.
+fn by_whole_name(stem: &str) -> (String, String) {
+    (path(stem).to_owned(), last(stem).to_owned())
 }
 
 /// Every layer of colours that is neither under all lights nor another pass.
 fn by_elimination(layers: &[Named<'_>]) -> Lights {
     let stems: BTreeSet<String> = layers.iter().map(|layer| layer.stem.to_lowercase()).collect();
-    let is_light =
-        |layer: &Named<'_>| sum_rank(layer.stem).is_none() && !is_pass(layer.stem) && !is_copy(layer.stem, &stems);
+    let is_light = |layer: &Named<'_>| {
+        sum_rank(layer.stem, None).is_none() && !is_pass(layer.stem) && !is_copy(layer.stem, &stems)
+    };
     // One channel for three is data, unless all lights are so.
     let has_colours = layers.iter().any(|layer| !layer.is_grey && is_light(layer));
     let light = |layer: &Named<'_>| {
@@ -214,20 +218,20 @@ fn path(name: &str) -> &str {
     name.rsplit_once('.').map_or("", |(path, _)| path)
 }
 
-/// Place among the names of layers under all lights.
-fn sum_rank(stem: &str) -> Option<usize> {
+/// Place among the names of layers under all lights, of which the renderer's own comes first.
+fn sum_rank(stem: &str, own: Option<&str>) -> Option<usize> {
     let lower = last(stem).to_lowercase();
-    SUMS.iter().position(|sum| *sum == lower)
+    own.iter().chain(&SUMS).position(|sum| *sum == lower)
 }
 
 /// Of the layers that show all lights, the one that shows the lights found: a file may have a view layer of them, a composite
 /// and others beside it. Each light belongs to the sum with the longest path of names before it.
-fn sum_of(layers: &[Named<'_>], lights: &Lights) -> Result<Option<usize>, Refusal> {
+fn sum_of(layers: &[Named<'_>], lights: &Lights, own: Option<&str>) -> Result<Option<usize>, Refusal> {
     let view = layers.iter().zip(lights).find(|(_, light)| light.is_some()).and_then(|(layer, _)| layer.view);
     let ranked =
         layers.iter().zip(lights).enumerate().filter(|(_, (layer, light))| light.is_none() && layer.view == view);
     let mut sums: Vec<(usize, &Named<'_>, usize)> =
-        ranked.filter_map(|(index, (layer, _))| Some((index, layer, sum_rank(layer.stem)?))).collect();
+        ranked.filter_map(|(index, (layer, _))| Some((index, layer, sum_rank(layer.stem, own)?))).collect();
     sums.sort_by_key(|(_, _, rank)| *rank);
     let owns = |sum: &Named<'_>, light: &str| {
         let path = path(sum.stem);
@@ -295,6 +299,106 @@ mod tests {
         assert_eq!(lights(&["V.Combined_Combined_", "V.Combined_RGBA_x"], None), ["Combined_", "RGBA_x"]);
         assert_eq!(lights(&["", "LightMix", "LightMix_Key", "Environment", "VRayLightSelect_Fill"], None), ["Fill"]);
         assert_eq!(lights(&["", "LightMix", "LightMix_Key", "Environment"], None), ["Environment", "Key"]);
+    }
+
+    /// A file of each renderer in the table: its layers, the lights in them, and the layer under all of them.
+    #[test]
+    fn each_renderer_of_the_table_is_read() {
+        let files: [(&str, &[&str], &[&str], &str); NAMINGS.len()] = [
+            (
+                "Blender",
+                &[
+                    "V.Combined",
+                    "V.Combined_a.b",
+                    "V.Combined_key",
+                    "V.CryptoObject00",
+                    "V.Denoising Albedo",
+                    "V.DiffCol",
+                ],
+                &["a.b", "key"],
+                "V.Combined",
+            ),
+            (
+                "Arnold",
+                &[
+                    "RGBA",
+                    "RGBA_default",
+                    "RGBA_key",
+                    "diffuse_direct_key",
+                    "specular_key",
+                    "albedo",
+                    "crypto_asset00",
+                    "N",
+                ],
+                &["default", "key"],
+                "RGBA",
+            ),
+            (
+                "V-Ray, Corona",
+                &["", "VRayLightSelect_Key", "LightMix", "LightMix_Key", "VRayDiffuseFilter"],
+                &["Key"],
+                "",
+            ),
+            (
+                "V-Ray, Corona: LightMix",
+                &["", "LightMix", "LightMix_Key", "Environment", "Self_Illumination", "VRayZDepth"],
+                &["Environment", "Key", "Self_Illumination"],
+                "",
+            ),
+            ("LuxCore", &["RGB", "RADIANCE_GROUP_0", "RADIANCE_GROUP_1", "ALBEDO"], &["0", "1"], "RGB"),
+            (
+                "Karma",
+                &[
+                    "C",
+                    "C_Key",
+                    "C_Rim_2",
+                    "directdiffuse",
+                    "directdiffuse_Key",
+                    "beautyunshadowed",
+                    "CryptoMaterial00",
+                    "N",
+                ],
+                &["Key", "Rim_2"],
+                "C",
+            ),
+            (
+                "RenderMan",
+                &["Ci", "Ci_key", "Ci_fill", "directDiffuse_key", "albedo", "normal"],
+                &["fill", "key"],
+                "Ci",
+            ),
+            (
+                "Redshift",
+                &["", "Beauty_key", "Beauty_other", "GI_key", "DiffuseLighting_key", "Cryptomatte00", "Z"],
+                &["key", "other"],
+                "",
+            ),
+            (
+                "Octane",
+                &[
+                    "Beauty",
+                    "Light pass 1",
+                    "Light pass 12",
+                    "Light pass 1 direct",
+                    "Light pass 1 indirect",
+                    "Ambient light",
+                    "Ambient light direct",
+                    "Sunlight",
+                    "Sunlight indirect",
+                    "Denoised beauty",
+                ],
+                &["Ambient light", "Light pass 1", "Light pass 12", "Sunlight"],
+                "Beauty",
+            ),
+        ];
+        for (naming, (renderer, layers, wanted, whole)) in NAMINGS.iter().zip(files) {
+            assert_eq!(naming.renderer, renderer);
+            assert_eq!(lights(layers, None), wanted, "{renderer}");
+            assert_eq!(sum(layers), Ok(Some(whole.to_owned())), "{renderer}");
+        }
+        // Names that only look so: without its beauty beside it, `C_` is a name like any other.
+        assert_eq!(lights(&["", "C_key", "C_fill"], None), ["C_fill", "C_key"]);
+        assert_eq!(lights(&["A", "B", "C"], None), ["A", "B", "C"]);
     }
 
     #[test]

@@ -158,8 +158,9 @@ fn image_bytes(shape: MatrixShape) -> u64 {
 }
 
 /// Writes one layer for each name into one OpenEXR file at `path`: the images that `relight` returns for their indices,
-/// in order. They are kept in a temporary file beside it, so that memory holds one of them plus
-/// [`relit_layers_need_bytes`]. Characters in names that other programs cannot read are replaced.
+/// in order, and their sum as the picture without a layer (`R`, `G`, `B`), which compositors show first. The images are kept in a
+/// temporary file beside it, so that memory holds one of them plus [`relit_layers_need_bytes`]. Characters in names that other
+/// programs cannot read are replaced.
 ///
 /// # Errors
 /// Those of `relight`; the system refuses to write.
@@ -181,15 +182,26 @@ pub fn write_relit_layers(
             }
         }
     }
-    let names = safe_names(names.iter().map(String::as_str));
-    image::write_exr_rows(path, true, &names, size, &mut |layer, channel, y, row| {
-        spill.read(RowPlace { image: layer, channel, y, x: 0 }, row)
+    let mut layers = safe_names(names.iter().map(String::as_str));
+    layers.push(String::new());
+    let mut sum = vec![0.0f64; size.width];
+    image::write_exr_rows(path, true, &layers, size, &mut |layer, channel, y, row| {
+        if layer < names.len() {
+            return spill.read(RowPlace { image: layer, channel, y, x: 0 }, row);
+        }
+        sum.fill(0.0);
+        for image in 0..names.len() {
+            spill.read(RowPlace { image, channel, y, x: 0 }, row)?;
+            sum.iter_mut().zip(&*row).for_each(|(sum, &value)| *sum += f64::from(value));
+        }
+        row.iter_mut().zip(&sum).for_each(|(value, &sum)| *value = sum as f32);
+        Ok(())
     })
 }
 
 /// Upper bound of the bytes of memory that [`write_relit_layers`] takes beside an image.
 pub fn relit_layers_need_bytes(layers: usize, shape: MatrixShape) -> u64 {
-    image::exr_rows_need_bytes(layers, ImageSize { width: shape.width() as usize, height: shape.height() as usize })
+    image::exr_rows_need_bytes(layers + 1, ImageSize { width: shape.width() as usize, height: shape.height() as usize })
 }
 
 /// Relights a container under each lighting. Also returns the name of the device, for people. Damage is reported to

@@ -381,6 +381,28 @@ pub(super) fn copies_and_sums() {
     assert_eq!(lit(&["RGB_IMAGEPIPELINE", "RADIANCE_GROUP#0", "RADIANCE_GROUP#1"]), ["0", "1"]);
 }
 
+pub(super) fn renderers() {
+    let (_folder, path) = file("a.exr");
+    // Each layer is what its light gives: of two lights the picture is 2.
+    let lit = |layers: &[(&str, f32)]| {
+        let layers: Vec<_> = layers.iter().map(|&(layer, value)| (layer, [value; 3])).collect();
+        constant(&layers, &Exr::new(2, 2), &path);
+        let found = lights(&path, None).unwrap();
+        assert!(found.has_sum, "{layers:?}");
+        let mut names = found.names;
+        names.sort();
+        names
+    };
+    let karma = [("C", 2.0), ("C_Key", 1.0), ("C_Fill", 1.0), ("directdiffuse_Key", 0.5), ("directdiffuse", 1.0)];
+    assert_eq!(lit(&karma), ["Fill", "Key"]);
+    let renderman = [("Ci", 2.0), ("Ci_key", 1.0), ("Ci_fill", 1.0), ("specular_key", 0.5), ("albedo", 0.8)];
+    assert_eq!(lit(&renderman), ["fill", "key"]);
+    let redshift = [("", 2.0), ("Beauty_key", 1.0), ("Beauty_other", 1.0), ("GI_key", 0.5), ("Cryptomatte00", 0.3)];
+    assert_eq!(lit(&redshift), ["key", "other"]);
+    let octane = [("Beauty", 2.0), ("Light pass 1", 1.0), ("Light pass 1 direct", 0.5), ("Sunlight", 1.0)];
+    assert_eq!(lit(&octane), ["Light pass 1", "Sunlight"]);
+}
+
 pub(super) fn sum_of_others() {
     let (_folder, path) = file("a.exr");
     let layers =

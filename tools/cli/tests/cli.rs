@@ -225,6 +225,26 @@ fn write_light_groups(path: &Path) {
 }
 
 #[test]
+fn light_groups_are_cleaned_into_a_file_like_theirs_and_get_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_light_groups(&at.join("groups.exr"));
+    let said = succeed(at, "ltm-pack", &["groups.exr", "--clean-to", "clean.exr"]);
+    assert!(said.contains("clean.exr: 2 clean light groups, which add up"), "{said}");
+    fail(at, "ltm-pack", &["groups.exr", "--clean-to", "clean.exr"], 3, &["clean.exr", "--force"]);
+    fail(at, "ltm-pack", &["groups.exr", "--clean-to", "no/clean.exr"], 3, &["no"]);
+    fail(at, "ltm-pack", &["*.exr", "--clean-to", "x.exr"], 3, &["two layers"]);
+    let again = succeed(at, "ltm-pack", &["clean.exr", "--progress"]);
+    assert!(again.contains("light 'key'") && again.contains("the lights' sum is"), "{again}");
+    assert!(!at.join("groups.ltc").exists());
+    fs::write(at.join("names.json"), r#"{"key": "Küche.001"}"#).unwrap();
+    let said = succeed(at, "ltm-pack", &["g*s.exr", "--names", "names.json", "-o", "named.ltc"]);
+    assert!(said.contains("light 'Küche.001'") && said.contains("light 'fill light'"), "{said}");
+    fs::write(at.join("names.json"), "[1]").unwrap();
+    fail(at, "ltm-pack", &["groups.exr", "--names", "names.json", "-o", "x.ltc"], 3, &["names.json", "object"]);
+}
+
+#[test]
 fn light_groups_become_a_container_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

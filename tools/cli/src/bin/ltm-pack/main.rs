@@ -2,15 +2,17 @@
 
 mod tables;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser};
 use ltm::container::ContainerReader;
+use ltm::files::check_output;
 use ltm::image::{FeaturePasses, LayerPattern, LightSet};
 use ltm::light::{Job, LightKind};
 use ltm::matrix::{BlockSource, MatrixShape};
-use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
+use ltm::pipeline::{self, CleanOptions, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
 use ltm::resources::{human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
@@ -29,17 +31,19 @@ use ltm_cli::{documentation, names, say};
   ltm-pack room.ltm -o global.ltc --method algorithm4 --scope global --rank 64
   ltm-pack room.ltm --verify             compares every entry with the matrix afterwards
   ltm-pack room.ltm --basis clean.exr    with images that another denoiser has made
-  ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, LuxCore
+  ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, Karma and others
   ltm-pack seed1.exr --second seed2.exr -o room.ltc   rendered twice: denoised of noise
+  ltm-pack blender.exr --clean-to clean.exr   no container, but the same file with clean light groups
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
   ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
+  ltm-pack 'render-*.exr' -o room.ltc    light groups of one rendering in several files
   ltm-pack lights.npz -o room.ltc        images [lights, height, width, 3], lights: their names
   ltm-pack panel.npy -o room.ltc --texels 32x32       the lights are the texels of one panel
 
 {EXIT_CODES}"))]
 struct Arguments {
-    /// A stored matrix (.ltm), an OpenEXR file with light groups, a folder or pattern with {light} (.exr, .hdr, .pfm), or
-    /// an array (.npy, .npz).
+    /// A stored matrix (.ltm), an OpenEXR file with light groups (several with `*`), a folder or pattern with {light} (.exr, .hdr,
+    /// .pfm), or an array (.npy, .npz).
     input: PathBuf,
     /// The container to write [default: the input's name with .ltc].
     #[arg(short, long)]
@@ -63,15 +67,22 @@ struct Arguments {
     /// Threads to use [default: one for each core].
     #[arg(long)]
     threads: Option<usize>,
+    /// Write progress as lines to standard error, `progress: STAGE DONE/TOTAL`, for a program that shows it.
+    #[arg(long)]
+    progress: bool,
 }
 
 #[derive(Args)]
 #[command(next_help_heading = "Images of single lights")]
 struct Images {
     /// Which layers of an OpenEXR file are lights, as a regular expression; its group (`light`, else the first) is the
-    /// light's name [default: the conventions of Blender, Arnold, V-Ray, LuxCore].
+    /// light's name [default: the conventions of Blender, Arnold, V-Ray, Corona, LuxCore, Karma, RenderMan, Redshift,
+    /// Octane].
     #[arg(long, value_name = "REGEX")]
     layers: Option<LayerPattern>,
+    /// A JSON object of names: `{"light's name by its layer": "its name in the container"}`.
+    #[arg(long, value_name = "JSON")]
+    names: Option<PathBuf>,
     /// The same lights rendered once more with another seed, given as the first are: from the two the noise is known, and the
     /// images, whose mean is taken, are denoised of it.
     #[arg(long, value_name = "IMAGES")]
@@ -80,6 +91,10 @@ struct Images {
     /// no albedo tells of is taken for noise; --second knows better.
     #[arg(long, conflicts_with = "second")]
     estimate_noise: bool,
+    /// In place of a container, write the OpenEXR file once more with its light groups cleaned of noise and their sum as the picture under
+    /// all lights; all other layers stay. The noise is that of --second, else estimated.
+    #[arg(long, value_name = "EXR", conflicts_with_all = ["output", "verify", "basis", "texels", "sky", "names"])]
+    clean_to: Option<PathBuf>,
     /// An OpenEXR file with albedo, normal and depth of what is seen, which denoising heeds [default: the layers of the images'
     /// own files].
     #[arg(long, value_name = "EXR")]
@@ -98,6 +113,23 @@ struct Images {
 }
 
 impl Images {
+    /// The lights of a rendering, by the names that are asked for.
+    fn open(&self, path: &Path) -> Result<LightSet> {
+        let mut set = LightSet::open(path, self.layers.as_ref())?;
+        if let Some(file) = &self.names {
+            let text = std::fs::read(file).map_err(Error::io(file, "read"))?;
+            let names: BTreeMap<String, String> = serde_json::from_slice(&text).map_err(|error| {
+                Error::input(
+                    file.display().to_string(),
+                    error.to_string(),
+                    "write an object of texts: {\"old\": \"new\"}",
+                )
+            })?;
+            set.rename(&names, path)?;
+        }
+        Ok(set)
+    }
+
     fn light(&self) -> Option<LightKind> {
         let area = self.texels.map(|(across, down)| LightKind::AreaTexels { across, down });
         area.or(self.sky.map(|(across, down)| LightKind::LatLong { across, down }))
@@ -112,7 +144,7 @@ fn parse_texels(text: &str) -> std::result::Result<(u32, u32), String> {
 
 fn main() -> ExitCode {
     let arguments: Arguments = documentation::parse("ltm-pack");
-    let console = Console::new();
+    let console = Console::new().telling(arguments.progress);
     console::finish("ltm-pack", run(&arguments, &console))
 }
 
@@ -124,8 +156,10 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
         let for_images = [
             (images.layers.is_some(), "--layers"),
+            (images.names.is_some(), "--names"),
             (images.second.is_some(), "--second"),
             (images.estimate_noise, "--estimate-noise"),
+            (images.clean_to.is_some(), "--clean-to"),
             (images.features.is_some(), "--features"),
             (images.texels.is_some(), "--texels"),
             (images.sky.is_some(), "--sky"),
@@ -137,12 +171,15 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let matrix = StoreReader::open(input)?;
         return pack(&matrix, matrix.job(), &output, arguments, console);
     }
-    let set = LightSet::open(input, images.layers.as_ref())?;
-    pipeline::check_container_output(&output, arguments.force)?;
+    let set = images.open(input)?;
+    match &images.clean_to {
+        Some(clean) => check_output(clean, arguments.force)?,
+        None => pipeline::check_container_output(&output, arguments.force)?,
+    }
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = images.block_side.unwrap_or(MatrixShape::DEFAULT_BLOCK_SIDE);
-    let second_set = images.second.as_ref().map(|path| LightSet::open(path, images.layers.as_ref())).transpose()?;
-    let denoises = images.second.is_some() || images.estimate_noise;
+    let second_set = images.second.as_deref().map(|path| images.open(path)).transpose()?;
+    let denoises = images.second.is_some() || images.estimate_noise || images.clean_to.is_some();
     if images.features.is_some() && !denoises {
         let hint = "give --second or --estimate-noise too";
         return Err(Error::input("--features", "is for denoising, which wants to know the noise", hint));
@@ -158,10 +195,19 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let features = passes.each_ref().map(Option::as_ref);
     let noise = match &second_set {
         Some(set) => ImageNoise::Measured(SecondImages { set, features }),
-        None if images.estimate_noise => ImageNoise::Estimated(features[0]),
+        None if denoises => ImageNoise::Estimated(features[0]),
         None => ImageNoise::Unknown,
     };
-    let mut matrix = ImportedMatrix::read(&set, noise, &name, &output, side, &pack_options(arguments), console)?;
+    let beside = images.clean_to.as_ref().unwrap_or(&output);
+    let mut matrix = ImportedMatrix::read(&set, noise, &name, beside, side, &pack_options(arguments), console)?;
+    if let Some(clean) = &images.clean_to {
+        tables::print_matches(&matrix);
+        let options = CleanOptions { overwrite: arguments.force, memory_bytes: arguments.memory };
+        pipeline::clean_images(&matrix, &set, clean, options, console)?;
+        let sum = if set.has_sum { ", which add up to the picture under all lights" } else { "" };
+        say!("{}: {} clean light groups{sum}", clean.display(), set.lights.len());
+        return Ok(());
+    }
     images.light().map_or(Ok(()), |texels| matrix.take_for_texels(texels))?;
     tables::print_matches(&matrix);
     if matrix.wants_noise() && arguments.compression.denoise() {
