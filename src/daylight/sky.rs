@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::sun::Sun;
 use super::{Climate, ClimateStep, LUMENS_PER_WATT, PerezSky, sun_at};
+use crate::error::{Error, Result};
 use crate::light::EnvironmentMapping;
 
 /// Patches that the sun is spread over, as many as `gendaymtx` takes.
@@ -18,6 +19,23 @@ pub struct SkyOptions {
     pub ground_reflectance: f64,
     /// How far the scene's north, −z, is turned from the site's towards east, in degrees.
     pub north_degrees: f64,
+}
+
+impl SkyOptions {
+    /// Checks the values.
+    ///
+    /// # Errors
+    /// A reflectance outside of 0 to 1; an angle that is not finite.
+    pub fn check(&self) -> Result<()> {
+        if !(0.0..=1.0).contains(&self.ground_reflectance) {
+            let problem = format!("{} is no reflectance", self.ground_reflectance);
+            return Err(Error::input("the ground", problem, "give 0 to 1"));
+        }
+        if !self.north_degrees.is_finite() {
+            return Err(Error::input("north", format!("{} is no angle", self.north_degrees), "give degrees"));
+        }
+        Ok(())
+    }
 }
 
 impl Default for SkyOptions {

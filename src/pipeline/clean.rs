@@ -13,7 +13,7 @@ use crate::error::{Error, Hint, Result};
 use crate::files::check_output;
 use crate::image::LightSet;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, TracedBlock};
-use crate::resources::{JobStage, PerThread, Progress, ResourceEstimate, Threads};
+use crate::resources::{JobStage, MemoryNeed, PerThread, Progress, ResourceEstimate, Threads};
 use crate::store;
 
 /// Choices of cleaning.
@@ -40,6 +40,7 @@ pub fn clean_images(
     watch: &dyn Progress,
 ) -> Result<()> {
     check_output(to, options.overwrite)?;
+    set.check_rewrite(to)?;
     let (job, shape) = (matrix.job(), matrix.shape());
     if !matrix.is_denoised() {
         let problem = format!("{} lights are too many to be denoised: at most 32 are", shape.columns());
@@ -48,7 +49,7 @@ pub fn clean_images(
     let size = (shape.width() as usize, shape.height() as usize);
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
     let making = ResourceEstimate::of(&[&PerThread(reading)]);
-    let mut need = DenoisedSource::need(job, making, shape.max_block_bytes());
+    let mut need = DenoisedSource::need(job, making, shape.max_block_bytes().max(set.thread_bytes()));
     let images = RowSpill::bytes(shape.columns(), size.0, size.1);
     need.disk_bytes += 2 * images;
     need.most_disk_bytes = need.disk_bytes;
@@ -88,17 +89,17 @@ pub fn clean_images(
         threads.run(|| blocks.into_par_iter().try_for_each_init(TracedBlock::default, |block, id| spread(block, id)));
     watch.end();
     spreading?;
-    watch.begin("writing", (CHANNELS * size.1) as u64 * (set.lights.len() as u64 + 1), "rows");
+    watch.begin("writing", (CHANNELS * size.1 * (set.lights.len() + usize::from(set.has_sum))) as u64, "rows");
     let mut fetch = |image: usize, channel: usize, y: usize, row: &mut [f32]| {
         stop_if_interrupted(to, watch)?;
-        watch.advance(u64::from(image == set.lights.len()), 0, "B");
         if image >= shape.columns() {
             row.fill(0.0);
             return Ok(());
         }
         rows.read(RowPlace { image, channel, y, x: 0 }, row)
     };
-    let written = threads.run(|| set.rewrite(to, options.overwrite, &mut fetch));
+    let mut wrote = || watch.advance(1, 0, "B");
+    let written = threads.run(|| set.rewrite(to, options.overwrite, (&mut fetch, &mut wrote)));
     watch.end();
     written?;
     denoised.remove()

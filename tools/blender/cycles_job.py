@@ -15,7 +15,7 @@ from pathlib import Path
 
 import bpy
 
-from . import light_sources, looks, toml_text, weights
+from . import light_sources, looks, scene_file, toml_text, weights
 from .not_exported import NotExported
 
 SCRIPT = Path(__file__).with_name("render_light_groups.py")
@@ -160,7 +160,8 @@ class Job:
                     # Half the samples have √2 times the noise: each half ends where the whole would.
                     "threshold": min(1.0, cycles.adaptive_threshold * sqrt(halves)),
                     "least": cycles.adaptive_min_samples // halves,
-                    "seconds": cycles.time_limit / len(renders_of(self.plan)),
+                    # Each render of some of the lights ends where that of all would.
+                    "seconds": cycles.time_limit / halves,
                 })
         job = {
             "blend": str(blend),
@@ -191,19 +192,11 @@ class Job:
     def keep(self, packed):
         """Writes beside the container what its lights are, and the user's light groups as groups of a look."""
         write_json(lights_file(packed), self.lights)
-        look = packed.with_suffix(".look.toml")
-        if self.user_groups:
-            look.write_text(toml_text.table("[groups]", self.user_groups), encoding="utf-8")
-        else:
-            look.unlink(missing_ok=True)
+        scene_file.write_look(self.user_groups, packed.with_suffix(".look.toml"))
         weights.begin_anew([*bpy.data.materials, *bpy.data.worlds])
 
     def remove(self):
         shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def renders_of(planned):
-    return planned.parts() * planned.halves
 
 
 def seed_of(scene):

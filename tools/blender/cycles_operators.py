@@ -117,6 +117,7 @@ class LTM_OT_pack_render(Watched, bpy.types.Operator):
 
     filepath: StringProperty(subtype="FILE_PATH")
     clean: BoolProperty(name="Clean", default=True)
+    overwrite: BoolProperty(name="Overwrite", default=False)
     open_mixer: BoolProperty(name="Open the Mixer", default=True, options={"SKIP_SAVE"})
 
     def start(self, context):
@@ -126,6 +127,9 @@ class LTM_OT_pack_render(Watched, bpy.types.Operator):
             return False
         render = Path(bpy.path.abspath(self.filepath))
         self.packed = render.with_suffix(".ltc")
+        if self.packed.exists() and not self.overwrite:
+            self.report({"ERROR"}, f"{self.packed} is there already: turn on Overwrite to replace it")
+            return False
         arguments = [packer, render, "-o", self.packed, "--force", "--progress"]
         arguments += ["--estimate-noise"] if self.clean else []
         try:
@@ -155,8 +159,10 @@ class LTM_OT_open_render(bpy.types.Operator, ImportHelper):
         name="Clean", description="Clean the light groups of their noise, which is estimated from the file", default=True
     )
 
+    overwrite: BoolProperty(name="Overwrite", description="Replace a container beside the file", default=False)
+
     def execute(self, _context):
-        choices = {"filepath": self.filepath, "clean": self.clean}
+        choices = {"filepath": self.filepath, "clean": self.clean, "overwrite": self.overwrite}
         if bpy.app.background:
             return bpy.ops.ltm.pack_render(**choices)
         bpy.ops.ltm.pack_render("INVOKE_DEFAULT", **choices)

@@ -14,6 +14,8 @@ def factors(lights):
     for light in lights:
         pairs = zip(light["weight"], light["scene_weight"])
         found[light["name"]] = [weight / before if before > 0.0 else 0.0 for weight, before in pairs]
+        if any(light["weight"]) and not any(light["scene_weight"]):
+            remarks.append(f"'{light['name']}' was off when it was rendered, and is not in the nodes")
         if not light["is_even"]:
             remarks.append(f"'{light['name']}': its pattern is not in the nodes, but its mean")
     return found, remarks

@@ -40,9 +40,9 @@ def apply(context, lights, surfaces):
 
 def apply_to_cycles(context, lights, entries):
     """Gives what Cycles rendered the weights that it has in `lights`, multiples of what was rendered; `entries` are those of
-    `cycles_job.write_lights`. Returns how many changed, and remarks.
+    `cycles_job.described`. Returns how many changed, and remarks.
     """
-    remarks, changed, materials = [], 0, {}
+    remarks, changed, materials, lit = [], 0, {}, {}
     stated = {entry["name"]: entry for entry in entries}
     known = light_sources.by_key(bpy.data.objects)
     for light in lights:
@@ -60,10 +60,20 @@ def apply_to_cycles(context, lights, entries):
             thing = known.get(tuple(entry["objects"][0]))
             if thing is None or thing.type != "LIGHT":
                 remarks.append(f"'{name}' is not in this scene")
+                continue
+            first = lit.setdefault(thing.data.name, (name, wanted))
+            if first[0] != name:
+                if differs(first[1], wanted):
+                    remarks.append(f"'{name}' has the data of '{first[0]}', and gets its strength")
             elif differs(wanted, [c * thing.data.energy for c in lamps.tint(thing.data)]):
                 lamps.set_strength(thing.data, 1.0, wanted)
                 changed += 1
         for material, emission in entry["materials"]:
+            if emission is not None and not any(emission):
+                # It shines by nodes that are not looked into.
+                if differs(weight, light["scene_weight"]):
+                    remarks.append(f"the material '{material}' keeps its strength: other nodes decide it")
+                continue
             before = emission or [1.0] * 3
             wanted = [w * b for w, b in zip(weight, before)]
             first = materials.setdefault(material, (name, wanted))

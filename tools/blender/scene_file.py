@@ -9,6 +9,9 @@ import bpy
 from . import cameras, glb, lamps, toml_text, weights, world
 from .not_exported import NotExported
 
+# What a look begins with that no one has saved.
+OWN_LOOK = "# The light groups of the scene, written with each render.\n"
+
 
 @dataclass
 class Written:
@@ -137,10 +140,17 @@ def groups_of(scene, lights):
 
 def write_groups(scene, lights, file):
     """Writes a look with the light groups; none where there are none."""
-    entries = [{"kind": "surface", **entry} for entry in lights]
-    groups = groups_of(scene, entries)
+    return write_look(groups_of(scene, [{"kind": "surface", **entry} for entry in lights]), file)
+
+
+def write_look(groups, file):
+    """Writes a look with groups in place of the one that an earlier render has left; a look that was saved there since stays, and the groups
+    go beside it. Returns the file; none where there are no groups.
+    """
+    if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(OWN_LOOK):
+        file = file.with_name(file.name.removesuffix(".look.toml") + "-groups.look.toml")
     if not groups:
         file.unlink(missing_ok=True)
         return None
-    file.write_text(toml_text.table("[groups]", groups), encoding="utf-8")
+    file.write_text(OWN_LOOK + toml_text.table("[groups]", groups), encoding="utf-8")
     return file

@@ -178,12 +178,12 @@ impl Climate {
         Ok(ClimateStep { hour, measured: before.measured.towards(after.measured, share), ..*nearest })
     }
 
-    /// Hours that a step stands for: the least time between two steps of a day, one hour where no day has two.
+    /// Hours that a step stands for: the least time between two steps of a day, at most one hour, since a file may leave hours out.
     pub fn step_hours(&self) -> f64 {
         let in_a_day =
             self.steps.windows(2).filter(|pair| (pair[0].month, pair[0].day) == (pair[1].month, pair[1].day));
         let least = in_a_day.map(|pair| pair[1].hour - pair[0].hour).fold(f64::INFINITY, f64::min);
-        if least.is_finite() { least } else { 1.0 }
+        least.min(1.0)
     }
 }
 

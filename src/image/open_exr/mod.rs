@@ -20,7 +20,7 @@ pub(super) use channels::{Channel, ChannelPlace, Colours, ExrLayer, channels, la
 pub(super) use colours::{converted_rows, matrices};
 pub(super) use lines::{ExrLine, chunk_bytes, read_lines};
 pub(super) use picture::ExrPicture;
-pub(super) use rewrite::rewrite_lines;
+pub(super) use rewrite::{check_lines, rewrite_lines};
 pub(super) use window::{Window, common_frame, note_of_frame, windows_of};
 
 use crate::error::{Error, Result};

@@ -82,6 +82,14 @@ pub(in crate::image) fn rewrite_lines(
     })
 }
 
+/// The errors of [`rewrite_lines`] that are known from the file's header.
+///
+/// # Errors
+/// Those of reading the header; what cannot be written.
+pub(in crate::image) fn check_lines(from: &Path, is_changed: &dyn Fn(ChannelPlace) -> bool) -> Result<()> {
+    changed_parts(from, &read_meta(from)?, is_changed).map(drop)
+}
+
 /// Which parts have channels that are changed.
 fn changed_parts(from: &Path, meta: &MetaData, is_changed: &dyn Fn(ChannelPlace) -> bool) -> Result<Vec<bool>> {
     let refuse = |problem: &str, hint: &str| Err(Error::input(from.display().to_string(), problem, hint));

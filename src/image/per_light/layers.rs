@@ -66,7 +66,8 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
         matches.push(LayerMatch { layer: layer.name.clone(), role });
     }
     images.extend(sum);
-    let beauty = sum.and_then(|sum| places_of(beauty_of(&all, sum))).unwrap_or_default().into_iter().collect();
+    // A noisy picture beside a denoised one is written too: it is what tells a reader what is beyond the lights.
+    let beauty = sum.into_iter().flat_map(|sum| [sum, beauty_of(&all, sum)]).filter_map(places_of).flatten().collect();
     let (matrices, notes) = matrices(path, &meta)?;
     warnings.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
     let mut targets = HashMap::new();

@@ -8,7 +8,7 @@ use exr::prelude::f16;
 use super::layers::Layers;
 use super::{LightSet, Source};
 use crate::error::{Error, Result};
-use crate::image::open_exr::{ChannelPlace, read_meta, rewrite_lines};
+use crate::image::open_exr::{ChannelPlace, check_lines, read_meta, rewrite_lines};
 use crate::image::primaries::{ColourMatrix, inverse};
 
 /// As [`FetchRow`](crate::image::FetchRow), on any thread: `(image, channel, y, row)`.
@@ -17,19 +17,39 @@ pub type GiveRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()> 
 impl LightSet {
     /// Writes the OpenEXR file of the lights again at `to`, with the images that `fetch` gives of them, and of what the picture under all
     /// lights has beyond them (the image after the last light). That picture becomes their sum: of the values as they are stored, so that
-    /// who adds up the layers of a file in 32 bits gets it to the last digits. Of a denoised picture beside a noisy one the former is
-    /// written. Values are linear Rec. 709, as [`read`](Self::read) gives them, and come out in the file's own colours. All other layers,
+    /// who adds up the layers of a file in 32 bits gets it to the last digits. A noisy picture beside a denoised one
+    /// becomes the same sum. Values are linear Rec. 709, as [`read`](Self::read) gives them, and come out in the file's own colours. All other layers,
     /// and names, types, compression, windows and attributes, stay.
     ///
     /// # Errors
     /// Lights that are not the layers of a single OpenEXR file, or are of several colour spaces; what cannot be written so (levels of
     /// detail, deep or subsampled parts, integers); those of `fetch`; the system refuses to write.
-    pub fn rewrite(&self, to: &Path, overwrite: bool, fetch: &mut GiveRow<'_>) -> Result<()> {
+    pub fn rewrite(
+        &self,
+        to: &Path,
+        overwrite: bool,
+        (fetch, wrote): (&mut GiveRow<'_>, &mut (dyn FnMut() + Send)),
+    ) -> Result<()> {
+        self.single_file(to)?.rewrite(self.lights.len(), to, overwrite, (fetch, wrote))
+    }
+
+    /// The errors of [`rewrite`](Self::rewrite) that are known before it.
+    ///
+    /// # Errors
+    /// Those of [`rewrite`](Self::rewrite) but for what reading and writing gives.
+    pub fn check_rewrite(&self, to: &Path) -> Result<()> {
+        let layers = self.single_file(to)?;
+        layers.colours_back()?;
+        let lights = self.lights.len();
+        check_lines(&layers.path, &|place| layers.is_changed(place, lights))
+    }
+
+    fn single_file(&self, to: &Path) -> Result<&Layers> {
         match &self.source {
-            Source::Layers(layers) => layers.rewrite(self.lights.len(), to, overwrite, fetch),
+            Source::Layers(layers) => Ok(layers),
             Source::Files(_) | Source::Several(_) | Source::Array(_) => {
-                let hint = "give one OpenEXR file with light groups";
-                Err(Error::input(to.display().to_string(), "it would be written after a single file alone", hint))
+                let problem = "cannot be written: only the lights of one OpenEXR file are written as they came";
+                Err(Error::input(to.display().to_string(), problem, "give one OpenEXR file with light groups"))
             }
         }
     }
@@ -51,7 +71,18 @@ impl Stored {
 }
 
 impl Layers {
-    fn rewrite(&self, lights: usize, to: &Path, overwrite: bool, fetch: &mut GiveRow<'_>) -> Result<()> {
+    /// Whether a channel is written anew.
+    fn is_changed(&self, place: ChannelPlace, lights: usize) -> bool {
+        self.beauty.contains_key(&place) || self.targets.get(&place).is_some_and(|(image, _)| *image < lights)
+    }
+
+    fn rewrite(
+        &self,
+        lights: usize,
+        to: &Path,
+        overwrite: bool,
+        (fetch, wrote): (&mut GiveRow<'_>, &mut (dyn FnMut() + Send)),
+    ) -> Result<()> {
         let meta = read_meta(&self.path)?;
         let is_half =
             |(part, channel): ChannelPlace| meta.headers[part].channels.list[channel].sample_type == SampleType::F16;
@@ -75,12 +106,13 @@ impl Layers {
                 Ok(())
             }
         };
-        let is_changed = |place: ChannelPlace| {
-            self.beauty.contains_key(&place) || self.targets.get(&place).is_some_and(|(image, _)| *image < lights)
-        };
+        let is_changed = |place: ChannelPlace| self.is_changed(place, lights);
         let (mut row, mut sum) = (vec![0.0f32; self.frame.width as usize], Vec::new());
         rewrite_lines(&self.path, to, overwrite, &is_changed, &mut |place, at, values| {
             let Some(inside) = self.parts[place.0].data.clip(&self.frame, at, values.len()) else { return Ok(()) };
+            if inside.x == 0 {
+                wrote();
+            }
             let (own, new) = (inside.skipped..inside.skipped + inside.length, inside.x..inside.x + inside.length);
             let Some(&colour) = self.beauty.get(&place) else {
                 let (image, colour) = self.targets[&place];

@@ -68,9 +68,9 @@ pub(super) fn open(pattern: &Path, layers: Option<&LayerPattern>) -> Result<Ligh
             continue;
         }
         let own = (set.width, set.height);
-        if *size.get_or_insert(own) != own {
-            let (width, height) = size.unwrap_or_default();
-            let problem = format!("has {} × {} pixels, {} {width} × {height}", own.0, own.1, paths[0].display());
+        let ((width, height), first) = *size.get_or_insert((own, path));
+        if (width, height) != own {
+            let problem = format!("has {} × {} pixels, {} {width} × {height}", own.0, own.1, first.display());
             return Err(Error::input(path.display().to_string(), problem, "give files of one rendering"));
         }
         for found in set.matches {
@@ -84,7 +84,7 @@ pub(super) fn open(pattern: &Path, layers: Option<&LayerPattern>) -> Result<Ligh
         has_sum |= set.has_sum;
         set.warnings.iter().for_each(|warning| warnings.push(warning.clone()));
     }
-    let (width, height) = size.unwrap_or_default();
+    let (width, height) = size.map_or((0, 0), |(size, _)| size);
     let source = Source::Several(Several { shares, lights: lights.len() });
     Ok(LightSet { width, height, lights, has_sum, matches, warnings, source })
 }

@@ -116,7 +116,7 @@ impl DaylightSource<'_> {
 /// Memory grows with the pixels by their measures alone, and not with pixels × hours.
 ///
 /// # Errors
-/// A matrix without a sky, or with one that does not fit its places of the sun; a block that cannot be read; too little memory; the system
+/// Options that are out of range; a matrix without a sky, or with one that does not fit its places of the sun; a block that cannot be read; too little memory; the system
 /// refuses to write; [`Error::Interrupted`] when the watch says so.
 ///
 /// # Panics
@@ -129,6 +129,7 @@ pub fn daylight(
     hours: Option<&Path>,
     watch: &dyn Progress,
 ) -> Result<DaylightYear> {
+    options.sky.check()?;
     let Job { shape, basis, .. } = source.job();
     let (pixels, block) = (shape.width() as usize * shape.height() as usize, shape.block_side() as usize);
     let (columns, steps) = (shape.columns(), climate.steps.len());

@@ -91,7 +91,8 @@ impl<'a> SkyLights<'a> {
 /// The sky's weights are radiances in W·sr⁻¹·m⁻², the sun's irradiances in W·m⁻², whatever unit lamps have.
 ///
 /// # Errors
-/// A basis without a sky, or with one that does not fit its places of the sun; a day that the climate does not have.
+/// A basis without a sky, or with one that does not fit its places of the sun; a day that the climate does not have; options that are
+/// out of range.
 pub fn lighting_at(
     place: &str,
     lamps: &Lighting,
@@ -100,6 +101,7 @@ pub fn lighting_at(
     (day, hour): ((u8, u8), f64),
     options: SkyOptions,
 ) -> Result<Lighting> {
+    options.check()?;
     let lights = SkyLights::of(place, basis)?;
     let step = climate.at(day, hour)?;
     let mut weights = lamps.weights().to_vec();

@@ -158,7 +158,7 @@ fn image_bytes(shape: MatrixShape) -> u64 {
 }
 
 /// Writes one layer for each name into one OpenEXR file at `path`: the images that `relight` returns for their indices,
-/// in order, and their sum as the picture without a layer (`R`, `G`, `B`), which compositors show first. The images are kept in a
+/// in order, and the one after the last as the picture without a layer (`R`, `G`, `B`), which compositors show first. The images are kept in a
 /// temporary file beside it, so that memory holds one of them plus [`relit_layers_need_bytes`]. Characters in names that other
 /// programs cannot read are replaced.
 ///
@@ -171,9 +171,9 @@ pub fn write_relit_layers(
     relight: &mut dyn FnMut(usize) -> Result<LinearImage>,
 ) -> Result<()> {
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
-    let spill = RowSpill::create(path, names.len(), size.width, size.height)?;
+    let spill = RowSpill::create(path, names.len() + 1, size.width, size.height)?;
     let mut row = vec![0.0; size.width];
-    for index in 0..names.len() {
+    for index in 0..=names.len() {
         let image = relight(index)?;
         for (y, pixels) in image.pixels.chunks_exact(size.width).enumerate() {
             for channel in 0..CHANNELS {
@@ -184,18 +184,8 @@ pub fn write_relit_layers(
     }
     let mut layers = safe_names(names.iter().map(String::as_str));
     layers.push(String::new());
-    let mut sum = vec![0.0f64; size.width];
     image::write_exr_rows(path, true, &layers, size, &mut |layer, channel, y, row| {
-        if layer < names.len() {
-            return spill.read(RowPlace { image: layer, channel, y, x: 0 }, row);
-        }
-        sum.fill(0.0);
-        for image in 0..names.len() {
-            spill.read(RowPlace { image, channel, y, x: 0 }, row)?;
-            sum.iter_mut().zip(&*row).for_each(|(sum, &value)| *sum += f64::from(value));
-        }
-        row.iter_mut().zip(&sum).for_each(|(value, &sum)| *value = sum as f32);
-        Ok(())
+        spill.read(RowPlace { image: layer, channel, y, x: 0 }, row)
     })
 }
 

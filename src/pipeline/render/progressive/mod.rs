@@ -259,6 +259,8 @@ impl ProgressiveRender {
     /// The system does not remove a file.
     pub fn discard(self) -> Result<()> {
         self.earlier.iter().chain([&self.path]).try_for_each(|path| {
+            // Another process may render there by now: what it has is not ours.
+            let Ok(_lock) = (*path != self.path).then(|| OutputLock::of(path)).transpose() else { return Ok(()) };
             let early = early_path(path);
             let unfinished = files_of_pack(path).into_iter().chain(files_of_pack(&early));
             unfinished.chain([early]).try_for_each(|path| remove(&path))

@@ -397,9 +397,9 @@ def render_live(
         raise ValueError(f"{path}: the name of a container ends with .ltc")
     packing = _choices(target, rank, False, True, None, overwrite, memory)
     choices = _render_choices(samples, size, seed, block_side, camera, allow_missing, allow_outside, overwrite, memory)
-    told = told(progress)
-    render = _ltm.LiveRender(_scene(scene), path, choices, packing, told)
-    while (said := render.next(told)) is not None:
+    hear = told(progress)
+    render = _ltm.LiveRender(_scene(scene), path, choices, packing, hear)
+    while (said := render.next(hear)) is not None:
         yield Estimate(path=Path(said.pop("path")), **said)
 
 

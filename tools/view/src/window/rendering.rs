@@ -58,6 +58,8 @@ pub(super) struct Rendering {
     pub(super) shown: Option<ShownEstimate>,
     /// An estimate that is not shown yet.
     next: Option<(Box<Document>, ShownEstimate)>,
+    /// Whether the container of the scene's own view is of an older scene, and is replaced.
+    replaces_own: bool,
     /// Whether the scene's file has changed since it was read, as its watch tells.
     is_changed: Arc<AtomicBool>,
     _watch: FileWatch,
@@ -81,6 +83,7 @@ impl Rendering {
         Self {
             _watch: watch(context, scene, &is_changed),
             is_changed,
+            replaces_own: false,
             scene: scene.to_owned(),
             choices,
             job: Some(job),
@@ -104,11 +107,11 @@ impl Rendering {
     /// Begins anew, with the scene as it is on the disk now, and goes on with a view that was moved.
     pub(super) fn restart(&mut self, context: &egui::Context, memory: Option<u64>) {
         self.job = None;
-        let is_changed = self.has_changed();
+        self.replaces_own |= self.has_changed();
         self.look_again(context);
         // What is not finished is of the older scene. What is finished stays, unless the scene has changed.
-        let overwrite = is_changed || self.choices.overwrite || !output_of(&self.scene, &self.choices).exists();
-        self.resumed = self.view.filter(|view| self.own != Some(view.camera));
+        let overwrite = self.replaces_own || self.choices.overwrite || !output_of(&self.scene, &self.choices).exists();
+        self.resumed = self.view.filter(|view| self.own != Some(view.camera)).or(self.resumed);
         (self.own, self.view, self.next, self.failed, self.error) = (None, None, None, None, None);
         self.undo.clear();
         if let Some(shown) = &mut self.shown {
@@ -162,7 +165,8 @@ impl Rendering {
                     (self.cameras, self.own, self.origin) = (cameras, Some(camera), origin);
                     self.view = Some(MovingCamera::new(camera, 1.0));
                     self.warning = warnings.into_iter().next();
-                    if let Some(view) = self.resumed.take() {
+                    if let Some(mut view) = self.resumed.take() {
+                        (view.camera.width, view.camera.height) = (camera.width, camera.height);
                         self.view = Some(view);
                         self.set_view();
                     }
@@ -186,6 +190,7 @@ impl Rendering {
                             // Files are named after the finished container, whichever estimate is shown.
                             next.files.name_after(&output_of(&self.scene, &self.choices));
                             self.failed = None;
+                            self.replaces_own &= !(estimate.is_final && self.own == Some(camera));
                             next.shown.is_smooth = !estimate.is_final;
                             self.next = Some((Box::new(next), ShownEstimate::of(camera, &estimate)));
                         }
@@ -312,7 +317,8 @@ impl Rendering {
         let is_own = self.own == Some(view.camera);
         let output = output_of(&self.scene, &self.choices);
         let path = if is_own { output.clone() } else { view_path(&output) };
-        job.set_view(LiveView { camera: view.camera, overwrite: !is_own || !output.exists(), path });
+        let overwrite = !is_own || self.replaces_own || !output.exists();
+        job.set_view(LiveView { camera: view.camera, overwrite, path });
         self.failed = None;
         self.next = None;
     }

@@ -173,7 +173,10 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     }
     let set = images.open(input)?;
     match &images.clean_to {
-        Some(clean) => check_output(clean, arguments.force)?,
+        Some(clean) => {
+            check_output(clean, arguments.force)?;
+            set.check_rewrite(input)?;
+        }
         None => pipeline::check_container_output(&output, arguments.force)?,
     }
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
@@ -218,10 +221,11 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     pack(&matrix, matrix.job(), &output, arguments, console)
 }
 
-/// The container beside the input: its name with the other extension; of a pattern, what stands before `{light}`.
+/// The container beside the input: its name with the other extension; of a pattern, what stands before `{light}` or `*`.
 fn default_output(input: &Path) -> PathBuf {
     let text = input.display().to_string();
-    match text.split_once("{light}") {
+    let star = text.split_once('*').filter(|_| !input.exists());
+    match text.split_once("{light}").or(star) {
         Some((before, _)) => {
             let stem = before.trim_end_matches(|c: char| !c.is_alphanumeric());
             PathBuf::from(if stem.is_empty() { "lights" } else { stem }).with_extension("ltc")

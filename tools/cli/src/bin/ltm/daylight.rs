@@ -112,16 +112,10 @@ udi_supplementary_percent,udi_autonomous_percent,udi_above_percent,mean_lux";
 
 fn check(options: &Daylight) -> Result<()> {
     let refuse = |place: &str, problem: String, hint: &str| Err(Error::input(place, problem, hint));
-    if !(0.0..=1.0).contains(&options.ground) {
-        return refuse("--ground", format!("{} is no reflectance", options.ground), "give 0 to 1");
-    }
     if !(options.autonomy > 0.0 && options.autonomy.is_finite()) {
         return refuse("--autonomy", format!("{} is no illuminance", options.autonomy), "give lx above 0");
     }
-    if !options.north.is_finite() {
-        return refuse("--north", format!("{} is no angle", options.north), "give degrees");
-    }
-    Ok(())
+    SkyOptions { ground_reflectance: options.ground, north_degrees: options.north }.check()
 }
 
 /// The views that are wanted: grids by name, none for the camera.

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use ltm::Result;
 use ltm::daylight::{Climate, SkyOptions};
 use ltm::light::{Job, Lighting};
 use ltm::pipeline::lighting_at;
 use ltm::resources::Progress;
-use ltm::{Error, Result};
 use ltm_cli::console::Console;
 
 /// Frames of a day, one for each quarter of an hour.
@@ -48,10 +48,6 @@ impl DaylightArguments {
     /// What is asked for; none without a climate.
     pub(crate) fn moment(&self, console: &Console) -> Result<Option<Moment>> {
         let (Some(path), Some(time)) = (&self.climate, self.at) else { return Ok(None) };
-        if !(self.north.is_finite() && (0.0..=1.0).contains(&self.ground)) {
-            let hint = "give degrees, and a reflectance from 0 to 1";
-            return Err(Error::input("--north, --ground", "are no angle and no reflectance", hint));
-        }
         let climate = Climate::read(path)?;
         climate.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
         let options = SkyOptions { ground_reflectance: self.ground, north_degrees: self.north };

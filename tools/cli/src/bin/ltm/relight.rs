@@ -211,8 +211,13 @@ impl<'a> Task<'a> {
             (None, None) => 0,
         };
         if is_sequence && frames == 0 {
-            let hint = "give a look file with [[key]], or --climate with a day";
-            return Err(Error::input(place, "a sequence needs keys to go between", hint));
+            let (problem, hint) = match &daylight {
+                Some(_) => ("a sequence is of a whole day", "leave HH:MM out of --at"),
+                None => {
+                    ("a sequence needs keys to go between", "give a look file with [[key]], or --climate with a day")
+                }
+            };
+            return Err(Error::input(place, problem, hint));
         }
         if !is_sequence && daylight.as_ref().is_some_and(|moment| moment.frames().is_some()) {
             return Err(Error::input(
@@ -251,7 +256,7 @@ impl<'a> Task<'a> {
         let lightings = self.look.as_ref().map_or(0, Look::bytes) + 2 * self.lighting.weights().len() as u64 * 12;
         let layers = match self.options.layers {
             None | Some(Layers::Features) => 1,
-            Some(Layers::Passes) => PASSES.len(),
+            Some(Layers::Passes) => PASSES.len() + 1,
             Some(Layers::Lights) => self.job.basis.lights().len(),
             Some(Layers::Groups) => self.look.as_ref().map_or(0, |look| look.groups().len()) + 1,
         };
@@ -346,14 +351,25 @@ impl<'a> Task<'a> {
             layers.push(("dark".to_owned(), Vec::new()));
         }
         let names: Vec<String> = layers.iter().map(|(name, _)| name.clone()).collect();
-        let mut relit = |layer: usize| relight(&self.lighting.only(layers[layer].1.iter().copied()));
+        // Groups may share lights, so that the picture is not the sum of the layers.
+        let mut relit = |layer: usize| match layers.get(layer) {
+            Some((_, columns)) => relight(&self.lighting.only(columns.iter().copied())),
+            None => relight(&self.lighting),
+        };
         write_relit_layers(&self.options.output, self.job.shape, &names, &mut relit)
     }
 
     /// Writes how the light of the image came.
     fn write_passes(&self, matrix: &StoreReader) -> Result<()> {
         let output = &self.options.output;
-        let mut images = relight_passes(matrix, &self.lighting, self.memory())?;
+        let mut images = Vec::from(relight_passes(matrix, &self.lighting, self.memory())?);
+        let mut whole = LinearImage::black(self.job.shape.width(), self.job.shape.height());
+        for pass in &images {
+            for (sum, pixel) in whole.pixels.iter_mut().zip(&pass.pixels) {
+                (0..3).for_each(|channel| sum[channel] += pixel[channel]);
+            }
+        }
+        images.push(whole);
         let (names, mut take) = (PASSES.map(str::to_owned), |pass: usize| {
             Ok(std::mem::replace(&mut images[pass], LinearImage::black(0, 0)))
         });
