@@ -8,9 +8,9 @@ CORPUS is a folder of scenes, each a folder with a `scene.toml`, or with one glT
 files by Blender's own importers (`mend` says what is changed in them), and camera and lights of the scene file: panels are rectangles that emit on one side, points, spots and
 suns are Blender's, and what no `[[light]]` chooses does not emit. Cycles renders all lights at once as light groups, without clamping,
 filtered gloss or a bound of bounces that matters, and Open Image Denoise cleans each group with albedo and normals; ours is the container
-of `ltm render --pack`. Images are exposed to the 95th percentile of Cycles' luminance and judged as in `measure_light_groups.py`.
+of `ltm render --pack --target 80dB`. Images are exposed to the 95th percentile of Cycles' luminance and judged as in `measure_light_groups.py`.
 
-A row of the CSV file is a light of a scene, or `all`: `ratio` is our mean over that of Cycles' image as it was rendered, of linear values;
+A row of the CSV file is one light of a scene, or all: `ratio` is our mean over that of Cycles' image as it was rendered, of linear values;
 `flip` the mean FLIP; `noise` the FLIP between Cycles' image as rendered and cleaned. `--montages` names a folder of pictures: ours, Cycles, FLIP.
 """
 
@@ -69,7 +69,12 @@ def join_group(thing, name):
 
 def read_geometry(path):
     if path.suffix == ".obj":
+        before = set(bpy.data.meshes)
         bpy.ops.wm.obj_import(filepath=str(path))
+        # Without normals and smoothing groups faces are flat, by the format's text; Blender smooths them.
+        if not any(line.startswith((b"s ", b"vn ")) for line in path.read_bytes().splitlines()):
+            for mesh in set(bpy.data.meshes) - before:
+                mesh.shade_flat()
     else:
         bpy.ops.import_scene.gltf(filepath=str(path))
 
@@ -319,7 +324,8 @@ def by_us(program, scene, folder, name, size, samples):
     container, images = folder / f"{name}.ltc", folder / f"{name}-ours.exr"
     size, samples = f"{size[0]}x{size[1]}", str(samples)
     begun = time.monotonic()
-    render = ["render", scene, "--pack", "--allow-missing", "--force", "--size", size, "--samples", samples, "-o", container]
+    # So many decibels that compression is no part of the difference.
+    render = ["render", scene, "--pack", "--target", "80dB", "--allow-missing", "--force", "--size", size, "--samples", samples, "-o", container]
     subprocess.run([program / "ltm", *render], check=True, stdout=subprocess.DEVNULL)
     relight = ["relight", container, "-o", images, "--layers", "lights", "--device", "cpu"]
     subprocess.run([program / "ltm", *relight], check=True, stdout=subprocess.DEVNULL)
@@ -349,7 +355,8 @@ def rows_of(name, ours, theirs, raw, montage):
         pair = [shown(own, exposure), shown(other, exposure)]
         where = flip_evaluator.evaluate(pair[1], pair[0], "LDR", applyMagma=True, computeMeanError=False)[0]
         strips.append(np.concatenate([*pair, np.asarray(where, np.float32)], axis=1))
-        yield [name, light, float(own.mean(dtype=float) / max(noisy.mean(dtype=float), 1e-12)), flip, noise]
+        ratio = float(own.mean(dtype=float) / max(noisy.mean(dtype=float), 1e-12))
+        yield [name, "all" if light == "all" else "one", light, ratio, flip, noise]
     if montage:
         montage.mkdir(parents=True, exist_ok=True)
         Image.fromarray((np.concatenate(strips) * 255 + 0.5).astype(np.uint8)).save(montage / f"{name}.png")
@@ -364,42 +371,43 @@ def main():
     parser.add_argument("--montages", type=Path)
     parser.add_argument("--only", action="append", help="a scene's folder; may be given several times")
     parser.add_argument("--size", default="160x120")
-    parser.add_argument("--samples", type=int, default=1024)
+    parser.add_argument("--samples", type=int, default=256, help="of ours")
+    parser.add_argument("--cycles-samples", type=int, default=512)
     options = parser.parse_args()
     program, corpus = options.ltm.resolve(), options.corpus.resolve()
     size = [int(n) for n in options.size.split("x")]
     options.renders.mkdir(parents=True, exist_ok=True)
     renders = options.renders.resolve()
-    folders = [f for f in sorted(corpus.iterdir()) if any((f / n).exists() for n in ("scene.toml",)) or list(f.glob("*.glb"))]
+    folders = [f for f in sorted(corpus.iterdir()) if (f / "scene.toml").exists() or list(f.glob("*.glb"))]
     with open(options.out, "w", newline="") as out:
         out.write("# Scenes that others made, by us and by Cycles, light by light\n")
-        out.write("# Command: `python tools/blender/measure_corpus.py CORPUS`; its text says what the columns are\n")
+        out.write("# Command: `python tools/blender/measure_corpus.py`; its text says what the columns are\n")
         machine = f"{platform.machine()}, {os.cpu_count()} threads; Blender {bpy.app.version_string}"
-        out.write(f"# Machine: {machine}; {options.size} pixels, {options.samples} samples each\n")
+        out.write(f"# Machine: {machine}; {options.size} pixels, {options.samples} samples, Cycles {options.cycles_samples}\n")
         asked = ["git", "rev-parse", "--short=10", "HEAD"]
         said = subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
         out.write(f"# Built from commit {said.stdout.strip() or 'unknown'}.\n")
         table = csv.writer(out, lineterminator="\n")
-        table.writerow(["scene", "light", "ratio", "flip", "noise"])
+        table.writerow(["scene", "of", "light", "ratio", "flip", "noise"])
         for folder in folders:
             name = folder.name
             if options.only and name not in options.only:
                 continue
-            kept = renders / f"{name}-{options.size}-{options.samples}.exr"
+            kept = renders / f"{name}-{options.size}-{options.cycles_samples}.exr"
             begun = time.monotonic()
             if kept.exists():
                 found, scene = layers(kept), folder / "scene.toml"
                 scene = scene if scene.exists() else next(iter(sorted(folder.glob("*.gl*"))))
             else:
                 scene = furnish(folder)
-                found = by_cycles(kept, size, options.samples)
+                found = by_cycles(kept, size, options.cycles_samples)
                 print(f"{name}: Cycles {time.monotonic() - begun:.0f} s", flush=True)
             groups = [key for key in found if not key.startswith(("ViewLayer", "Composite"))]
             theirs = cleaned(found, groups)
             ours = by_us(program, scene, renders, name, size, options.samples)
             for row in rows_of(name, ours, theirs, found, options.montages):
-                table.writerow([*row[:2], *(f"{value:.4f}" for value in row[2:])])
-                print(f"{row[0]:18} {row[1]:18} ratio {row[2]:.3f}  FLIP {row[3]:.4f}  noise {row[4]:.4f}", flush=True)
+                table.writerow([*row[:3], *(f"{value:.4f}" for value in row[3:])])
+                print(f"{row[0]:18} {row[2]:18} ratio {row[3]:.3f}  FLIP {row[4]:.4f}  noise {row[5]:.4f}", flush=True)
             out.flush()
 
 

@@ -24,8 +24,14 @@ use ltm_study::Study;
 use published::{Csv, root};
 
 /// All pages with figures.
-const PAGES: [&str; 5] =
-    ["README.md", "docs/figures.md", "docs/growth.md", "docs/limits.md", "docs/guide/worked-example.md"];
+const PAGES: [&str; 6] = [
+    "README.md",
+    "docs/figures.md",
+    "docs/growth.md",
+    "docs/limits.md",
+    "docs/guide/worked-example.md",
+    "tools/blender/README.md",
+];
 
 /// Letters in a line that names sources.
 const WIDTH: usize = 140;
