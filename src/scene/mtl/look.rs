@@ -117,7 +117,8 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> S
     }
     let ior = source.ior.filter(|ior| (MIN_GLASS_IOR..=*IORS.end()).contains(ior));
     // By the format's text a share dissolves into the background, whatever else the surface is. Decision 63.
-    if !(is_unseen || source.is_glass() && ior.is_some()) {
+    let is_bent = source.is_glass() && (ior.is_some() || source.writer == Writer::Maya);
+    if !(is_unseen || is_bent) {
         return ShownLook { opacity: share, ..opaque(Through::Share) };
     }
     let passed = match source.writer {
