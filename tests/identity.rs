@@ -16,7 +16,7 @@ use ltm::trace::{TRACER_VERSION, TraceSettings, Tracer};
 use sha2::{Digest, Sha256};
 
 /// Version of the tracer, and the checksum of what it makes of the rooms below.
-const TRACED: (u32, &str) = (15, "8c64067a5abaecb0");
+const TRACED: (u32, &str) = (16, "8c64067a5abaecb0");
 /// Version of the compressor, and for each block of the rooms the rank and the number of single entries that it keeps. They change
 /// with what is traced as well.
 const KEPT: (u32, &[(usize, usize)]) =

@@ -14,6 +14,8 @@ mod guiding;
 mod layers;
 #[path = "transport/light.rs"]
 mod light;
+#[path = "transport/lobes.rs"]
+mod lobes;
 #[path = "transport/references.rs"]
 mod references;
 #[path = "transport/scenes.rs"]

@@ -244,7 +244,7 @@ impl Geometry {
             let mut vertices = indices.map(|i| i + first);
             // Glass and lamps ask which side is the front; normals are stated on purpose, winding often by accident.
             let stated: Vec3 = vertices.iter().map(|&v| self.mesh.vertices[v as usize].normal).sum();
-            if stated.as_dvec3().dot(normal) < 0.0 {
+            if !part.is_smoothed && stated.as_dvec3().dot(normal) < 0.0 {
                 vertices.swap(1, 2);
                 *turned += 1;
             }

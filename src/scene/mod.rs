@@ -43,6 +43,7 @@ mod rectangle;
 mod resolve_materials;
 mod sensors;
 mod shapes;
+mod smoothing;
 mod source;
 mod sun_places;
 mod survey;

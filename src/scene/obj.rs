@@ -15,6 +15,7 @@ use super::lines::{LineError, Lines, MAX_LINE_BYTES, text_of, without_comment};
 use super::memory::MemoryBound;
 use super::names::NameList;
 use super::polygon;
+use super::smoothing::{GroupNormals, SMOOTHING_BYTES, normal_of};
 use crate::error::{Error, Result, Warnings};
 
 /// Lines after which the memory is looked at.
@@ -30,6 +31,8 @@ pub(super) struct ObjPart {
     pub(super) positions: Vec<DVec3>,
     /// One a vertex, or none at all.
     pub(super) normals: Vec<Vec3>,
+    /// Whether the normals are those of a smoothing group, which say nothing of the faces' fronts.
+    pub(super) is_smoothed: bool,
     /// One a vertex, or none at all.
     pub(super) uvs: Vec<Vec2>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -140,6 +143,8 @@ struct Group {
     object: usize,
     material: usize,
     format: CornerFormat,
+    /// Smoothing group of faces without normals; 0 is none.
+    smoothing: u32,
     faces: usize,
     corners: usize,
 }
@@ -175,8 +180,10 @@ pub(super) fn parse(path: &Path, reader: &mut dyn BufRead, memory: &MemoryBound)
             memory.check(parser.file.bytes(), path)?;
         }
     }
-    let file = parser.file;
-    memory.check(file.bytes(), path)?;
+    let mut file = parser.file;
+    let smoothed: usize = file.groups.iter().filter(|group| group.smoothing > 0).map(|group| group.corners).sum();
+    memory.check(file.bytes() + (smoothed * SMOOTHING_BYTES) as u64, path)?;
+    file.smooth();
     if file.arities.is_empty() {
         let problem = match &file.faults {
             faults if faults.has(ObjFault::FreeForm) => "the OBJ file has curves and free-form surfaces, but no faces",
@@ -203,6 +210,54 @@ impl ObjFile {
         (streams + self.uvs.capacity() * 8 + faces + names) as u64 + self.materials.bytes() + self.objects.bytes()
     }
 
+    /// Gives faces of smoothing groups, which have no normals of their own, those of their group.
+    fn smooth(&mut self) {
+        let mut normals = GroupNormals::default();
+        let faces = self.smoothed_faces();
+        let ring = |begin: usize, arity: usize| -> Vec<(u32, DVec3)> {
+            let face = &self.corners[begin..begin + arity];
+            let there = face.iter().all(|[v, ..]| self.has(*v));
+            face.iter().filter(|_| there).map(|&[v, ..]| (v, self.positions[v as usize])).collect()
+        };
+        for &(smoothing, begin, arity) in &faces {
+            let corners = ring(begin, arity);
+            if !corners.is_empty() {
+                normals.add(smoothing, &corners);
+            }
+        }
+        let (mut places, mut found): (HashMap<[u32; 3], u32>, Vec<_>) = Default::default();
+        let (first, mut made) = (self.normals.len() as u32, Vec::new());
+        for &(smoothing, begin, arity) in &faces {
+            let corners = ring(begin, arity);
+            let normal = if corners.is_empty() { DVec3::ZERO } else { normal_of(&corners) };
+            for (at, (vertex, _)) in corners.into_iter().enumerate() {
+                let normal = normals.at(smoothing, vertex, normal);
+                let place = *places.entry(normal.to_array().map(f32::to_bits)).or_insert_with(|| {
+                    made.push(normal);
+                    first + made.len() as u32 - 1
+                });
+                found.push((begin + at, place));
+            }
+        }
+        found.into_iter().for_each(|(at, place)| self.corners[at][2] = place);
+        self.normals.append(&mut made);
+        self.groups.iter_mut().for_each(|group| group.format.1 |= group.smoothing > 0);
+    }
+
+    /// Smoothing group, first corner and number of corners of each face that is smoothed.
+    fn smoothed_faces(&self) -> Vec<(u32, usize, usize)> {
+        let (mut found, mut begin, mut arities) = (Vec::new(), 0, self.arities.iter());
+        for group in &self.groups {
+            for &arity in arities.by_ref().take(group.faces) {
+                if group.smoothing > 0 {
+                    found.push((group.smoothing, begin, arity as usize));
+                }
+                begin += arity as usize;
+            }
+        }
+        found
+    }
+
     /// Its parts, each made when it is asked for, with what is left out of it.
     pub(super) fn parts(&self) -> impl Iterator<Item = (ObjPart, Faults)> {
         let (mut corners, mut arities) = (self.corners.as_slice(), self.arities.as_slice());
@@ -216,7 +271,8 @@ impl ObjFile {
 
     /// Vertices in the order in which they first occur, one for each triple of indices.
     fn part(&self, group: &Group, mut corners: &[[u32; 3]], faces: &[u32]) -> (ObjPart, Faults) {
-        let mut part = ObjPart { object: group.object, material: group.material, ..ObjPart::default() };
+        let (object, material, is_smoothed) = (group.object, group.material, group.smoothing > 0);
+        let mut part = ObjPart { object, material, is_smoothed, ..ObjPart::default() };
         let mut faults = Faults::default();
         let mut known: HashMap<[u32; 3], u32> = HashMap::new();
         let (mut ring, mut places) = (Vec::new(), Vec::new());
@@ -298,6 +354,8 @@ struct Parser {
     format: Option<CornerFormat>,
     object: usize,
     material: usize,
+    /// Number of the smoothing group; 0 is off.
+    smoothing: u32,
     /// Begin of a statement that a `\` at the line's end continues.
     unfinished: String,
 }
@@ -358,6 +416,7 @@ impl Parser {
                 self.material = self.file.materials.position(rest);
                 self.format = None;
             }
+            "s" => self.smoothing = rest.parse().unwrap_or(0),
             "mtllib" => self.file.libraries.push(rest.to_owned()),
             "p" | "l" => self.note(ObjFault::Line),
             key if FREE_FORM.contains(&key) => self.note(ObjFault::FreeForm),
@@ -419,7 +478,8 @@ impl Parser {
             *vt *= u32::from(common.0);
             *vn *= u32::from(common.1);
         }
-        if self.format != Some(common) {
+        let smoothing = if common.1 { 0 } else { self.smoothing };
+        if self.format != Some(common) || self.file.groups.last().is_some_and(|group| group.smoothing != smoothing) {
             self.format = Some(common);
             if self.file.materials.as_slice().is_empty() {
                 self.material = self.file.materials.position("");
@@ -428,7 +488,7 @@ impl Parser {
                 self.object = self.file.objects.position("");
             }
             let (object, material) = (self.object, self.material);
-            self.file.groups.push(Group { object, material, format: common, faces: 0, corners: 0 });
+            self.file.groups.push(Group { object, material, format: common, smoothing, faces: 0, corners: 0 });
         }
         let group = self.file.groups.last_mut().expect("a face has a group");
         group.faces += 1;
@@ -512,6 +572,31 @@ mod tests {
         let (file, parts) = read(&format!("f 1 2 \\\n 3\n{SQUARE}"));
         assert_eq!(parts[0].triangles.len(), 1);
         assert_eq!(file.materials.as_slice(), [""]);
+    }
+
+    /// Wavefront's text: smoothing is off until a group is named, `0` and `off` end it, and normals of the file count first.
+    #[test]
+    fn faces_of_a_smoothing_group_share_normals_at_their_vertices() {
+        // Two faces of a roof, along x, that rise by one half.
+        let roof = "v 0 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 0.5\nv 0 2 0\nv 1 2 0\n";
+        let faces = "f 1 2 3 4\nf 4 3 6 5\n";
+        for flat in ["", "s off\n", "s 0\n", "s 1\ns off\n"] {
+            assert!(read(&format!("{roof}{flat}{faces}")).1[0].normals.is_empty(), "{flat}");
+        }
+        let part = &read(&format!("{roof}s 1\n{faces}")).1[0];
+        let (across, up) = (0.2f32.sqrt(), 0.8f32.sqrt());
+        for (position, normal) in part.positions.iter().zip(&part.normals) {
+            let lean = position.y as f32 - 1.0;
+            let right = if lean == 0.0 { Vec3::Z } else { Vec3::new(0.0, lean * across, up) };
+            assert!((normal - right).length() < 1e-6, "{position}: {normal}");
+        }
+        // Across the border of two groups there is an edge.
+        let parts = read(&format!("{roof}s 1\nf 1 2 3 4\ns 2\nf 4 3 6 5\n")).1;
+        assert!((parts[0].normals[2] - Vec3::new(0.0, -across, up)).length() < 1e-6 && parts.len() == 2);
+        let own = read(&format!("{roof}vn 0 0 1\ns 1\nf 1//1 2//1 3//1 4//1\n")).1;
+        assert!(own[0].normals.iter().all(|normal| *normal == Vec3::Z) && !own[0].is_smoothed);
+        // Vertices that are not there leave out their face.
+        assert_eq!(told(&format!("{roof}s 1\n{faces}f 1 2 9\n")).1, 4);
     }
 
     #[test]

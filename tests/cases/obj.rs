@@ -40,6 +40,12 @@ pub(super) const CASES: &[Case] = &[
     },
     Case { format: "OBJ", input: "no faces", outcome: Refused, test: no_faces },
     Case { format: "OBJ", input: "vertex colours", outcome: Warned, test: vertex_colours },
+    Case {
+        format: "OBJ",
+        input: "faces without normals in a smoothing group (`s`)",
+        outcome: Read,
+        test: smoothing_groups,
+    },
     Case { format: "OBJ", input: "`mtllib` of several files", outcome: Read, test: several_libraries },
     Case {
         format: "OBJ",
@@ -193,6 +199,16 @@ fn no_faces() {
 fn vertex_colours() {
     let coloured = VERTICES.lines().map(|line| format!("{line} 0.2 0.4 0.6\n")).collect::<String>();
     Folder::of_obj(format!("mtllib room.mtl\n{coloured}{FACES}")).shows(1.0, &["8 vertices have colours", "line 2"]);
+}
+
+fn smoothing_groups() {
+    // A roof over the floor, whose ridge is at y = 2, where both its faces meet.
+    let roof = "v -1 1.5 0\nv 1 1.5 0\nv 1 2 1\nv -1 2 1\nv -1 1.5 2\nv 1 1.5 2\ns 1\nusemtl grey\nf -6 -3 -4 -5\nf -3 -2 -1 -4\n";
+    let loaded = Folder::of_obj(format!("mtllib room.mtl\n{VERTICES}{FACES}{roof}")).loads(&[]);
+    let at = |height: f32| loaded.scene.mesh.vertices.iter().filter(move |vertex| vertex.position.y == height);
+    assert!(at(2.0).count() > 0 && at(2.0).all(|vertex| (vertex.normal.y - 1.0).abs() < 1e-6));
+    // The floor is of no group.
+    assert!(at(0.0).all(|vertex| vertex.normal == glam::Vec3::ZERO));
 }
 
 fn several_libraries() {

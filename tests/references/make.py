@@ -1,6 +1,6 @@
 """Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path
 integrator, and its particle tracer for caustics of lights without a body, which paths from the camera never find; for
-single layers and rough conductors llvm_ad_rgb, its rays, surfaces and lights (3.6.4).
+single layers and rough conductors llvm_ad_rgb, its rays, surfaces and lights (3.6.4; the scenes of `lobes.py` were made with 3.9.1).
 
     pip install mitsuba numpy
     python tests/references/make.py tests/references            # all scenes
@@ -22,6 +22,7 @@ import mitsuba as mi
 import numpy as np
 
 import compensated
+import lobes
 
 mi.set_variant("scalar_rgb")
 SIDE, RENDERS, SAMPLES, DEPTH = 16, 16, 512, 24
@@ -130,6 +131,7 @@ SCENES = {
         ((0.3, 0.3, 0.02), (0.2, 0, 0), (0, 0.4, 0)),
     ),
 }
+SCENES |= {name: ([WALLS, *parts], CEILING) for name, parts in lobes.scenes(Ball, lambert).items()}
 
 
 # A ball behind the upper edge of the picture, whose caustic falls on the wall in view; lights at its other side.
@@ -200,7 +202,7 @@ def scene(folder, parts, texel, panel):
         },
     }
     for k, (shape, bsdf) in enumerate(parts):
-        if isinstance(shape, Ball):
+        if hasattr(shape, "described"):
             described[f"part{k}"] = shape.described(folder, f"part{k}", bsdf)
         else:
             described[f"part{k}"] = {"type": "obj", "filename": obj(folder, f"part{k}", shape), "bsdf": bsdf,

@@ -109,6 +109,21 @@ fn sampled(bsdf: &Bsdf, wo: Vec3, n: u32, random: &mut Pcg64Mcg) -> ([f64; 3], [
     (mean, [0, 1, 2].map(|c| (squares[c] / f64::from(n) - mean[c] * mean[c]).max(0.0) / f64::from(n)))
 }
 
+/// glTF 2.0, appendix B.3.3: the Fresnel term of a metal is Schlick's from its base colour to 1, black or not.
+#[test]
+fn black_metal_reflects_what_is_grazing() {
+    for cosine in [0.1f32, 0.3, 0.6] {
+        let wo = Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+        let schlick = (1.0 - cosine).powi(5);
+        let metal = conductor(Vec3::ZERO, 1e-3).albedo(wo).x;
+        // Of the other half a coat of 4 % over black.
+        let half = half_metal(0.0, 1e-3).albedo(wo).x;
+        assert!((metal - schlick).abs() < 0.01, "{cosine}: {metal} for {schlick}");
+        let right = 0.5 * schlick + 0.5 * (0.04 + 0.96 * schlick);
+        assert!((half - right).abs() < 0.01, "{cosine}: {half} for {right}");
+    }
+}
+
 #[test]
 fn sampling_finds_the_albedo_and_no_surface_gives_more_than_it_gets() {
     let mut random = Pcg64Mcg::seed_from_u64(1);

@@ -9,13 +9,14 @@ use ltm::scene::{Emitter, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::Tracer;
 
 use crate::layers::planes;
+use crate::lobes;
 use crate::scenes::{self, Builder, camera, lambert, settings, tracer};
 use crate::z_test::{Comparison, compare, reference, write_evidence};
 
 const SIDE: usize = 16;
 const TEXELS: usize = 2;
 /// Rings of a ball that stands for a perfect sphere.
-const FINE: u32 = 128;
+pub(crate) const FINE: u32 = 128;
 /// Balls of glass that are smooth, with the sharpest caustics.
 const GLASS: [&str; 2] = ["smooth_glass", "perfect_glass"];
 const ENTRIES: usize = TEXELS * CHANNELS * SIDE * SIDE;
@@ -53,6 +54,11 @@ fn scene(name: &str) -> Scene {
         builder.sphere(Vec3::new(0.5, 0.35, 0.4), 0.25, rings, surface);
         ceiling
     };
+    if lobes::NAMES.contains(&name) {
+        return lobes::scene(name, builder, |builder| {
+            builder.panel("panel", ceiling.0, ceiling.1, ceiling.2, (TEXELS as u32, 1))
+        });
+    }
     let (origin, u, v) = match name.trim_start_matches("smooth ") {
         "diffuse" => {
             builder.sphere(Vec3::new(0.4, 0.25, 0.4), 0.2, 12, lambert(0.8));
@@ -112,7 +118,7 @@ fn image_of(blocks: &[TracedBlock], value: impl Fn(&TracedBlock, usize, usize) -
 }
 
 /// Compares `name` with the reference `with`, of which the order is `[texel][channel][y][x]`.
-fn compared(name: &str, with: &str) -> (Comparison, String) {
+pub(crate) fn compared(name: &str, with: &str) -> (Comparison, String) {
     match shared_renders(name) {
         Some(renders) => told(name, with, &renders.iter().map(|blocks| image(blocks)).collect::<Vec<_>>()),
         None => compared_by(name, with, |tracer| tracer),
@@ -158,7 +164,7 @@ fn judged(renders: &[Vec<f64>], (mean, variance): (Vec<f64>, Vec<f64>)) -> Compa
 }
 
 /// Asserts that a comparison of 1,536 entries shows two renderings of the same.
-fn assert_alike(name: &str, (found, evidence): (Comparison, String), most: f64) {
+pub(crate) fn assert_alike(name: &str, (found, evidence): (Comparison, String), most: f64) {
     // 512 of the entries are independent: the mean of z² has a deviation of 0.07, and 23 and 15 degrees of freedom
     // bring it to 1.06. Both sides find the variance of rare bright paths too small: a few entries may lie far out.
     assert!(
@@ -168,7 +174,7 @@ fn assert_alike(name: &str, (found, evidence): (Comparison, String), most: f64) 
 }
 
 /// Mean of z² that two renderings of the same have at most.
-const ALIKE: f64 = 1.35;
+pub(crate) const ALIKE: f64 = 1.35;
 
 fn agrees(name: &str) {
     // Beside sharp caustics of glass photons add a little, 0.51 % of the image at 128 samples and 0.37 % at 512: z² 1.44 and 1.39.

@@ -76,6 +76,7 @@ mod tests {
             material: 0,
             positions: corners.map(|c| c.as_dvec3()).into(),
             normals,
+            is_smoothed: false,
             uvs,
             triangles: triangles.clone(),
         };

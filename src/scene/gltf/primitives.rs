@@ -269,7 +269,8 @@ impl<'a> Source<'a> {
             found => found?,
         };
         let colours = self.colours.as_ref().map(|accessor| colours::of(accessor, buffers, count)).transpose()?;
-        Ok((ObjPart { object: 0, material: 0, positions, normals, uvs, triangles }, colours.flatten()))
+        let part = ObjPart { object: 0, material: 0, positions, normals, is_smoothed: false, uvs, triangles };
+        Ok((part, colours.flatten()))
     }
 
     fn same_count(&self, found: usize, count: usize, what: &str) -> Result<()> {

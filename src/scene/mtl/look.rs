@@ -16,13 +16,8 @@ const MIN_GLASS_IOR: f32 = 1.1;
 const MIRROR_SHININESS: f32 = 1000.0;
 /// Opacity from which nothing shows through.
 const OPAQUE: f32 = 0.999;
-/// Opacity up to which a pane is of glass: what hides more than it shows is not.
-const MAX_GLASS_OPACITY: f32 = 0.5;
 /// Opacity below which nobody sees a surface that reflects nothing.
 const UNSEEN: f32 = 0.01;
-/// `Ks` and `Ns` from which a transparent surface is as smooth as glass.
-const GLOSSY: (f32, f32) = (0.1, 10.0);
-
 /// Stems of words for glass and water, in languages of the files at hand.
 const GLASS: [&str; 17] = [
     "glas",
@@ -45,13 +40,6 @@ const GLASS: [&str; 17] = [
 ];
 /// Whole words for the same.
 const GLASS_WORDS: [&str; 7] = ["pane", "panes", "window", "lens", "agua", "acqua", "eau"];
-/// Stems of words for what light passes by holes and fibres.
-const CLOTH: [&str; 22] = [
-    "screen", "curtain", "cloth", "fabric", "textile", "voile", "tulle", "veil", "gauze", "leaf", "leaves", "foliage",
-    "plant", "petal", "flower", "grass", "eyelash", "feather", "smoke", "fire", "flame", "shadow",
-];
-/// Whole words for the same, which others have within them.
-const CLOTH_WORDS: [&str; 5] = ["hair", "lace", "lash", "net", "fur"];
 /// Stems of words for hollow bodies around a lamp.
 const LAMP: [&str; 9] = ["bulb", "lamp", "light", "lantern", "shade", "globe", "bombilla", "ampoule", "luz"];
 
@@ -90,8 +78,8 @@ impl Through {
         match self {
             Self::Stated => "",
             Self::Unseen => "nobody would see it by its d, Tr or illum: drawn opaque",
-            Self::Pane => "shows through (d, Tr): thin glass, by its shape, gloss or name",
-            Self::Body => "shows through (d, Tr): a body of glass, by its closed shape and Ni",
+            Self::Pane => "shows through (d, Tr): thin glass, by its illum or name",
+            Self::Body => "shows through (d, Tr): a body of glass, by its illum, closed shape and Ni",
             Self::Share => "shows through (d, Tr): that share of the light passes straight",
         }
     }
@@ -123,21 +111,23 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> S
         source.is_glass() && source.writer != Writer::Maya && source.transmission.is_some_and(|tf| tf != Vec3::ONE);
     let Some(opacity) = opacity.filter(|opacity| !filtered && opacity.min_element() < OPAQUE) else { return stated() };
     let share = opacity.element_sum() / 3.0;
-    let evidence = Evidence::of(source, shape);
-    if share < UNSEEN && !evidence.is_named_glass && source.dissolve_map.is_none() {
+    let is_unseen = share < UNSEEN && source.dissolve_map.is_none();
+    if is_unseen && !is_named_glass(source) {
         return opaque(Through::Unseen);
     }
-    if share > MAX_GLASS_OPACITY || !evidence.is_glass() {
+    let ior = source.ior.filter(|ior| (MIN_GLASS_IOR..=*IORS.end()).contains(ior));
+    // By the format's text a share dissolves into the background, whatever else the surface is. Decision 63.
+    let is_bent = source.is_glass() && (ior.is_some() || source.writer == Writer::Maya);
+    if !(is_unseen || is_bent) {
         return ShownLook { opacity: share, ..opaque(Through::Share) };
     }
-    let ior = source.ior.filter(|ior| (MIN_GLASS_IOR..=*IORS.end()).contains(ior));
     let passed = match source.writer {
         Writer::Maya => Vec3::ONE - opacity,
         _ => Vec3::ONE - opacity * (Vec3::ONE - source.diffuse.unwrap_or(Vec3::ONE).min(Vec3::ONE)),
     };
     let mut look = plain_look(source, opaque_illumination(source));
     look.reflectance = None;
-    if let Some(ior) = ior.filter(|_| shape.is_solid() && !evidence.is_lamp) {
+    if let Some(ior) = ior.filter(|_| shape.is_solid() && !is_named_lamp(source)) {
         look.kind = SurfaceEntry::Dielectric;
         (look.ior, look.transmittance) = (ior, passed.map(f32::sqrt));
         return shown(look, Through::Body);
@@ -151,41 +141,17 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> S
     shown(look, Through::Pane)
 }
 
-/// Evidence that a transparent material is glass.
-struct Evidence {
-    is_named_glass: bool,
-    is_named_cloth: bool,
-    is_lamp: bool,
-    is_textured: bool,
-    is_matte: bool,
-    is_glossy: bool,
-    is_flat: bool,
+/// Whether its name or `illum` says glass.
+fn is_named_glass(source: &MtlMaterial) -> bool {
+    let name = source.name.to_lowercase();
+    let has_word = || words(&source.name).iter().any(|word| GLASS_WORDS.contains(&word.as_str()));
+    source.is_glass() || GLASS.iter().any(|stem| name.contains(stem)) || has_word()
 }
 
-impl Evidence {
-    fn of(source: &MtlMaterial, shape: MaterialShape) -> Self {
-        let name = source.name.to_lowercase();
-        let has = |stems: &[&str]| stems.iter().any(|stem| name.contains(stem));
-        let words = words(&source.name);
-        let gloss = source.specular.unwrap_or(Vec3::ZERO).max_element();
-        let is_matte = matches!(source.illumination, Some(0 | 1));
-        let has_word = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
-        let is_named = has(&GLASS) || has_word(&GLASS_WORDS);
-        Self {
-            is_named_glass: is_named || source.is_glass(),
-            is_named_cloth: (has(&CLOTH) || has_word(&CLOTH_WORDS)) && !is_named,
-            is_lamp: has(&LAMP),
-            is_textured: source.diffuse_map.is_some(),
-            is_matte,
-            is_glossy: !is_matte && gloss >= GLOSSY.0 && source.shininess.is_none_or(|ns| ns >= GLOSSY.1),
-            is_flat: shape.is_flat(),
-        }
-    }
-
-    fn is_glass(&self) -> bool {
-        let looks_so = self.is_glossy || self.is_flat && !self.is_matte;
-        !self.is_named_cloth && !self.is_textured && (self.is_named_glass || looks_so)
-    }
+/// Whether its name says that it is a hollow body around a lamp.
+fn is_named_lamp(source: &MtlMaterial) -> bool {
+    let name = source.name.to_lowercase();
+    LAMP.iter().any(|stem| name.contains(stem))
 }
 
 /// The words of a name like `cabinetPane_2`, in lower case.
@@ -293,30 +259,33 @@ impl MtlLook {
 mod tests {
     use super::*;
 
+    fn through(source: MtlMaterial) -> Through {
+        look_of(&source, MaterialShape::Sheet).through
+    }
+
     #[test]
-    fn names_tell_glass_from_cloth() {
-        let named = |name: &str| {
-            let source = MtlMaterial {
-                name: name.into(),
-                dissolve: Some(0.3),
-                specular: Some(Vec3::splat(0.5)),
-                ..Default::default()
-            };
-            look_of(&source, MaterialShape::Sheet).through
+    fn a_share_dissolves_whatever_the_gloss_or_name_unless_illum_asks_for_glass_that_bends() {
+        let pane = MtlMaterial {
+            name: "glass".into(),
+            dissolve: Some(0.3),
+            specular: Some(Vec3::splat(0.5)),
+            ior: Some(1.5),
+            ..Default::default()
         };
-        for glass in [
-            "cabinetPane",
-            "FlakonSmokeGlassMat",
-            "vidre_taula",
-            "chair plastic",
-            "Material.003",
-            "flash",
-            "glass curtain",
-        ] {
+        assert_eq!(through(pane.clone()), Through::Share);
+        assert_eq!(through(MtlMaterial { illumination: Some(7), ior: Some(1.0), ..pane.clone() }), Through::Share);
+        assert_eq!(through(MtlMaterial { illumination: Some(7), ..pane.clone() }), Through::Pane);
+        assert_eq!(look_of(&pane, MaterialShape::Slab).opacity, 0.3);
+    }
+
+    #[test]
+    fn names_tell_what_is_seen_though_nothing_of_it_is_left() {
+        let named = |name: &str| through(MtlMaterial { name: name.into(), dissolve: Some(0.0), ..Default::default() });
+        for glass in ["cabinetPane", "FlakonSmokeGlassMat", "vidre_taula", "glass curtain"] {
             assert_eq!(named(glass), Through::Pane, "{glass}");
         }
-        for cloth in ["Curtain_01", "tree leaves", "longHair", "SYNTH_screen", "eyelashes", "mosquito net"] {
-            assert_eq!(named(cloth), Through::Share, "{cloth}");
+        for other in ["Curtain_01", "Material.003", "panel"] {
+            assert_eq!(named(other), Through::Unseen, "{other}");
         }
         assert_eq!(words("cabinetPane_2 A"), ["cabinet", "pane", "", "", "a"]);
     }

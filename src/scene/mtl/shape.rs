@@ -47,10 +47,6 @@ impl MaterialShape {
     pub(super) fn is_solid(self) -> bool {
         matches!(self, Self::Vessel | Self::Body)
     }
-
-    pub(super) fn is_flat(self) -> bool {
-        matches!(self, Self::Pane | Self::Slab)
-    }
 }
 
 /// Sums over what hangs together.

@@ -40,7 +40,7 @@ impl Coated {
         if metal == 0.0 {
             return Self { reflectance: base, gloss: coat, over_base: None };
         }
-        let gloss = coat.mixed(&Gloss::new(base, alpha), metal);
+        let gloss = coat.mixed(&Gloss::of_metal(base, alpha), metal);
         Self { reflectance: base * (1.0 - metal), gloss, over_base: Some(coat) }
     }
 

@@ -19,7 +19,7 @@ impl Conductor {
     /// A conductor that reflects `specular` at normal incidence.
     #[inline(always)]
     pub fn new(specular: Vec3, alpha: f32) -> Self {
-        Self { gloss: Gloss::new(specular, alpha) }
+        Self { gloss: Gloss::of_metal(specular, alpha) }
     }
 
     #[inline(always)]

@@ -16,7 +16,7 @@ const MIN_ALPHA: f32 = 1e-3;
 pub(super) struct Gloss {
     /// Reflectance at normal incidence.
     specular: Vec3,
-    /// Reflectance at grazing incidence: 1, but less below 2 % at normal incidence, which no dielectric has, and 0 at 0.
+    /// Reflectance at grazing incidence: 1, but of what is no metal less below 2 % at normal incidence, which no dielectric has, and 0 at 0.
     edge: f32,
     alpha: f32,
     row: &'static AlbedoRow,
@@ -36,13 +36,24 @@ pub(super) struct GlossAt {
 }
 
 impl Gloss {
+    /// The gloss of a dielectric.
     #[inline(always)]
     pub(super) fn new(specular: Vec3, alpha: f32) -> Self {
+        Self::with_edge(specular, (50.0 * specular.max_element()).min(1.0), alpha)
+    }
+
+    /// The gloss of a metal, which reflects all of what is grazing, even a black one (glTF 2.0, appendix B.3.3).
+    #[inline(always)]
+    pub(super) fn of_metal(specular: Vec3, alpha: f32) -> Self {
+        Self::with_edge(specular, 1.0, alpha)
+    }
+
+    #[inline(always)]
+    fn with_edge(specular: Vec3, edge: f32, alpha: f32) -> Self {
         let alpha = alpha.max(MIN_ALPHA);
         let row = AlbedoRow::of(alpha);
         let (a, b) = row.mean();
         let mean = a + b;
-        let edge = (50.0 * specular.max_element()).min(1.0);
         // The cosine-weighted mean of Schlick's term: `∫ 2μ (F₀ + (F₁ − F₀)(1 − μ)⁵) dμ = F₀ + (F₁ − F₀)/21`.
         let fresnel = specular + (Vec3::splat(edge) - specular) / 21.0;
         let several = fresnel * fresnel * mean / (Vec3::ONE - fresnel * (1.0 - mean));

@@ -24,8 +24,14 @@ use ltm_study::Study;
 use published::{Csv, root};
 
 /// All pages with figures.
-const PAGES: [&str; 5] =
-    ["README.md", "docs/figures.md", "docs/growth.md", "docs/limits.md", "docs/guide/worked-example.md"];
+const PAGES: [&str; 6] = [
+    "README.md",
+    "docs/figures.md",
+    "docs/growth.md",
+    "docs/limits.md",
+    "docs/guide/worked-example.md",
+    "tools/blender/README.md",
+];
 
 /// Letters in a line that names sources.
 const WIDTH: usize = 140;
@@ -119,7 +125,10 @@ impl Page<'_> {
     /// Commands, machines and commits, each with the tables that came of it.
     fn sources(&self, files: &BTreeSet<String>) -> String {
         let up = "../".repeat(self.name.matches('/').count());
-        let folder = format!("{up}docs/plots").replace("../docs/", "");
+        let folder = match self.name.starts_with("docs/") {
+            true => format!("{up}docs/plots").replace("../docs/", ""),
+            false => format!("{up}docs/plots"),
+        };
         let mut sources: Vec<(String, Vec<String>)> = Vec::new();
         for name in files {
             let Csv { command, machine, commit, .. } = &self.tables[name];
