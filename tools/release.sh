@@ -51,10 +51,15 @@ build() {
     export CARGO_TARGET_DIR=$root/target/release-build/programs
     step "programs"
     PATH="$(dirname "$("$python" -c 'import sys; print(sys.executable)')"):$PATH" cargo zigbuild --release --locked \
-        --target "$triple.$glibc" -p ltm-cli -p ltm-view --features ltm-cli/gpu,ltm-cli/s3
+        --target "$triple.$glibc" -p ltm-cli -p ltm-view --bin ltm --bin ltm-view --features ltm-cli/gpu,ltm-cli/s3
     local built=$CARGO_TARGET_DIR/$triple/release
     mkdir "$work/programs"
-    for program in "${programs[@]}"; do install -m 755 "$built/$program" "$work/programs/$program"; done
+    for program in ltm ltm-view; do install -m 755 "$built/$program" "$work/programs/$program"; done
+    # ltm has all of these two in it: a file of their own would be 4 MB each.
+    for program in ltm-pack ltm-unpack; do
+        printf '#!/bin/sh\nexec "$(dirname "$(readlink -f "$0")")/ltm" --as=%s "$@"\n' "$program" > "$work/programs/$program"
+        chmod 755 "$work/programs/$program"
+    done
 
     step "wheel"
     (cd tools/python && export CARGO_TARGET_DIR=$root/target/release-build/python &&

@@ -16,12 +16,27 @@ pub const COMPLETIONS: &str = "--write-completions";
 /// The request for man pages.
 pub const MAN_PAGES: &str = "--write-man-pages";
 
+/// Begins the first argument by which `ltm` is another program: a release has one file for those that are of the same parts.
+const AS: &str = "--as=";
+
+/// The program that `ltm` is to be, by its first argument `--as=PROGRAM`, which its help does not list.
+pub fn asked_program() -> Option<String> {
+    std::env::args().nth(1)?.strip_prefix(AS).map(str::to_owned)
+}
+
+/// The arguments without that.
+fn arguments() -> Vec<OsString> {
+    let is_own = |argument: &OsString| !argument.to_string_lossy().starts_with(AS);
+    let mut all = std::env::args_os().skip(1);
+    all.next().filter(is_own).into_iter().chain(all).collect()
+}
+
 /// Commands that are programs of their own, whose pages those write.
 const PROGRAMS_OF_THEIR_OWN: [&str; 2] = ["view", "study"];
 
 /// The arguments of the program of this name; ends the process where they ask for help, are wrong, or are one of the two requests.
 pub fn parse<P: Parser + CommandFactory>(program: &'static str) -> P {
-    let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
+    let arguments = arguments();
     let answered = match &*arguments {
         [request, shell] if request == COMPLETIONS => {
             Some(parsed_shell(shell).and_then(|shell| write_completions(P::command(), program, shell)))
@@ -30,7 +45,7 @@ pub fn parse<P: Parser + CommandFactory>(program: &'static str) -> P {
         _ => None,
     };
     match answered {
-        None => P::parse(),
+        None => P::parse_from(std::iter::once(program.into()).chain(arguments)),
         Some(Ok(())) => std::process::exit(0),
         Some(Err(error)) => {
             let code = i32::from(error.exit_code());

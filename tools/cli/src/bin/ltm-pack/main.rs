@@ -142,7 +142,7 @@ fn parse_texels(text: &str) -> std::result::Result<(u32, u32), String> {
     both.ok_or_else(|| format!("'{text}' is not a number of texels across and down, such as 32x16"))
 }
 
-fn main() -> ExitCode {
+pub(crate) fn main() -> ExitCode {
     let arguments: Arguments = documentation::parse("ltm-pack");
     let console = Console::new().telling(arguments.progress);
     console::finish("ltm-pack", run(&arguments, &console))

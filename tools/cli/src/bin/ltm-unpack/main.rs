@@ -79,7 +79,7 @@ fn parse_range(text: &str) -> Result<Range<u32>, String> {
     Ok(start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?)
 }
 
-fn main() -> ExitCode {
+pub(crate) fn main() -> ExitCode {
     let arguments: Arguments = documentation::parse("ltm-unpack");
     let console = Console::new();
     console::finish("ltm-unpack", run(&arguments, &console))

@@ -10,6 +10,10 @@ mod farm;
 mod first_steps;
 mod info;
 mod input;
+#[path = "../ltm-pack/main.rs"]
+mod ltm_pack;
+#[path = "../ltm-unpack/main.rs"]
+mod ltm_unpack;
 mod maintain;
 mod moment;
 mod picture;
@@ -127,6 +131,11 @@ one is missing, after a line FIRST..END for each range to build. Examples:
 }
 
 fn main() -> ExitCode {
+    match documentation::asked_program().as_deref() {
+        Some("ltm-pack") => return ltm_pack::main(),
+        Some("ltm-unpack") => return ltm_unpack::main(),
+        _ => {}
+    }
     let arguments: Arguments = documentation::parse("ltm");
     let console = Console::new().telling(arguments.progress);
     console::finish("ltm", run(arguments, &console))
