@@ -222,7 +222,7 @@ fn what_cannot_be_cleaned_is_refused() {
         write(&folder.path().join(half), 1, if half == "a-1.exr" { &[0] } else { &[1] }, ENCODINGS[0], false);
     }
     let said = clean(&folder.path().join("a-*.exr"), None, &to).unwrap_err().to_string();
-    assert!(said.contains("single file"), "{said}");
+    assert!(said.contains("only the lights of one OpenEXR file"), "{said}");
     assert!(!to.exists());
 }
 

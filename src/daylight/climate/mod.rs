@@ -149,7 +149,7 @@ impl Climate {
         Ok(Self { site, steps, warnings })
     }
 
-    /// What is measured on a day (month, day) at an hour of the site's time: between two steps of the day in proportion, before its first
+    /// The step of a day (month, day) at an hour of the site's time: between two steps of the day in proportion, before its first
     /// and after its last as there.
     ///
     /// # Errors
