@@ -37,6 +37,10 @@ def wheel(source, programs, target, licences):
     information = record.rsplit("/", 1)[0]
     data = information.removesuffix(".dist-info") + ".data"
     del files[record]
+    # The list of dependencies names the folder of the sources.
+    for name in files:
+        if name.startswith(f"{information}/sboms/"):
+            files[name] = files[name].replace(str(Path.cwd()).encode(), b"/ltm")
     scripts = set()
     for program in sorted(Path(programs).iterdir()):
         scripts.add(f"{data}/scripts/{program.name}")
