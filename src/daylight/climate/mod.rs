@@ -39,6 +39,14 @@ pub enum Measured {
 }
 
 impl Measured {
+    /// No light.
+    fn dark(self) -> Self {
+        match self {
+            Self::Irradiance { .. } => Self::Irradiance { direct: 0.0, diffuse: 0.0 },
+            Self::Illuminance { .. } => Self::Illuminance { direct: 0.0, diffuse: 0.0 },
+        }
+    }
+
     /// A share of the way to another; of another quantity the nearer one.
     fn towards(self, other: Self, share: f64) -> Self {
         let between = |from: f64, to: f64| from + share * (to - from);
@@ -150,7 +158,7 @@ impl Climate {
     }
 
     /// The step of a day (month, day) at an hour of the site's time: between two steps of the day in proportion, before its first
-    /// and after its last as there.
+    /// and after its last as there for as long as a step is, and dark beyond: files may leave the night out.
     ///
     /// # Errors
     /// A day without steps; an hour that is none.
@@ -164,7 +172,11 @@ impl Climate {
         let after = steps.partition_point(|step| step.hour < hour);
         let (before, after) = match (after.checked_sub(1).map(|at| steps[at]), steps.get(after).copied()) {
             (Some(before), Some(after)) => (before, after),
-            (Some(only), None) | (None, Some(only)) => (only, only),
+            (Some(only), None) | (None, Some(only)) => {
+                let is_covered = (only.hour - hour).abs() <= self.step_hours();
+                let measured = if is_covered { only.measured } else { only.measured.dark() };
+                return Ok(ClimateStep { hour, measured, ..*only });
+            }
             (None, None) => {
                 return refuse(
                     format!("has no hours on day {day} of month {month}"),
@@ -349,6 +361,10 @@ mod tests {
     fn a_wea_file_may_leave_hours_out_and_a_polar_site_is_told() {
         let some = Climate::parse("a", &format!("{WEA}1 1 8.5 1 1\n6 1 8.5 -1 1\n")).unwrap();
         assert_eq!((some.steps.len(), some.step_hours()), (2, 1.0));
+        let at = |hour: f64| some.at((1, 1), hour).unwrap().measured;
+        let (lit, dark) =
+            (Measured::Irradiance { direct: 1.0, diffuse: 1.0 }, Measured::Irradiance { direct: 0.0, diffuse: 0.0 });
+        assert_eq!([7.6, 8.5, 9.4, 2.0].map(at), [lit, lit, lit, dark]);
         // Quarters of an hour of one morning.
         let quarters = Climate::parse("a", &format!("{WEA}1 1 8.125 1 1\n1 1 8.375 1 1\n1 1 9.125 1 1\n")).unwrap();
         assert_eq!(quarters.step_hours(), 0.25);
