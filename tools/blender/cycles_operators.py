@@ -132,12 +132,7 @@ class LTM_OT_pack_render(Watched, bpy.types.Operator):
             return False
         arguments = [packer, render, "-o", self.packed, "--force", "--progress"]
         arguments += ["--estimate-noise"] if self.clean else []
-        try:
-            self.run = program.Run(arguments)
-        except OSError as error:
-            self.report({"ERROR"}, f"{packer} does not start: {error.strerror}")
-            return False
-        return True
+        return self.begin(arguments)
 
     def finish(self, context):
         if not self.succeeded():

@@ -18,8 +18,6 @@ import argparse
 import csv
 import fnmatch
 import math
-import os
-import platform
 import subprocess
 import sys
 import time
@@ -34,7 +32,7 @@ import pyoidn
 from mathutils import Matrix, Vector
 from PIL import Image
 
-from measure_light_groups import LUMINANCE, layers, measure
+from measure_light_groups import LUMINANCE, layers, measure, write_header
 
 
 def axes(vector):
@@ -380,13 +378,8 @@ def main():
     renders = options.renders.resolve()
     folders = [f for f in sorted(corpus.iterdir()) if (f / "scene.toml").exists() or list(f.glob("*.glb"))]
     with open(options.out, "w", newline="") as out:
-        out.write("# Scenes that others made, by us and by Cycles, light by light\n")
-        out.write("# Command: `python tools/blender/measure_corpus.py`; its text says what the columns are\n")
-        machine = f"{platform.machine()}, {os.cpu_count()} threads; Blender {bpy.app.version_string}"
-        out.write(f"# Machine: {machine}; {options.size} pixels, {options.samples} samples, Cycles {options.cycles_samples}\n")
-        asked = ["git", "rev-parse", "--short=10", "HEAD"]
-        said = subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
-        out.write(f"# Built from commit {said.stdout.strip() or 'unknown'}.\n")
+        settings = f"; {options.size} pixels, {options.samples} samples, Cycles {options.cycles_samples}"
+        write_header(out, "Scenes that others made, by us and by Cycles, light by light", "measure_corpus.py", settings)
         table = csv.writer(out, lineterminator="\n")
         table.writerow(["scene", "of", "light", "ratio", "flip", "noise"])
         for folder in folders:

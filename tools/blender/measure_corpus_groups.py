@@ -13,7 +13,6 @@ in `measure_light_groups.py`.
 
 import argparse
 import subprocess
-import sys
 import tempfile
 import tomllib
 from math import pi, radians

@@ -140,6 +140,16 @@ def measure(image, reference):
     return flip, psnr
 
 
+def write_header(out, about, script, settings=""):
+    """The lines that begin a CSV file: what it is, what made it, on which machine, and of which commit, the one that is checked out."""
+    out.write(f"# {about}\n")
+    out.write(f"# Command: `python tools/blender/{script}`; its text says what the columns are\n")
+    out.write(f"# Machine: {platform.machine()}, {os.cpu_count()} threads; Blender {bpy.app.version_string}{settings}\n")
+    asked = ["git", "rev-parse", "--short=10", "HEAD"]
+    said = subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+    out.write(f"# Built from commit {said.stdout.strip() or 'unknown'}.\n")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ltm", type=Path, default=Path("target/release"), help="the folder of ltm-pack and ltm-unpack")
@@ -148,14 +158,8 @@ def main():
     options = parser.parse_args()
     program = options.ltm.resolve()
     with tempfile.TemporaryDirectory() as temporary, open(options.out, "w", newline="") as out:
-        out.write("# Light groups of Cycles, cleaned for all lights at once, beside a denoiser on each group\n")
-        out.write("# Command: `python tools/blender/measure_light_groups.py`; its text says what the columns are\n")
-        machine = f"{platform.machine()}, {os.cpu_count()} threads; Blender {bpy.app.version_string}"
-        out.write(f"# Machine: {machine}\n")
-        # The commit that is checked out, which the command above builds the programs from.
-        asked = ["git", "rev-parse", "--short=10", "HEAD"]
-        said = subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
-        out.write(f"# Built from commit {said.stdout.strip() or 'unknown'}.\n")
+        about = "Light groups of Cycles, cleaned for all lights at once, beside a denoiser on each group"
+        write_header(out, about, "measure_light_groups.py")
         table = csv.writer(out, lineterminator="\n")
         table.writerow(["room", "method", "bytes", "flip", "flip_worst", "psnr_clip_db", "psnr_clip_worst_db"])
         renders = options.renders or Path(temporary)

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 from mathutils import Matrix
 
-from . import cycles_job, finding, light_sources, look_nodes, looks, program, scene_file
+from . import cycles_job, finding, light_sources, look_nodes, looks, scene_file
 from .finding import MISSING, find_program
 from .watched import Watched
 
@@ -60,12 +60,7 @@ class LTM_OT_render(Watched, bpy.types.Operator):
             return False
         self.packed = scene_file.packed(context.scene)
         arguments = [found, "render", written.scene, "-o", self.packed, "--pack", "--force", "--progress"]
-        try:
-            self.run = program.Run(arguments)
-        except OSError as error:
-            self.report({"ERROR"}, f"{found} does not start: {error.strerror}")
-            return False
-        return True
+        return self.begin(arguments)
 
     def finish(self, context):
         """Reports how the run ended."""
@@ -112,15 +107,20 @@ def weights_of(operator, context, packed, file, look):
     return None if said is None else json.loads(said)["lights"]
 
 
-class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
-    """Give the lamps, emissive materials and the world the strengths and colours of a look that the mixer saved"""
+class LookChooser(ImportHelper):
+    """What operators have in common that are given a look file."""
 
-    bl_idname = "ltm.apply_look"
-    bl_label = "Apply Look"
     bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: StringProperty(default="*.toml;*.json", options={"HIDDEN"})
     look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
+
+
+class LTM_OT_apply_look(bpy.types.Operator, LookChooser):
+    """Give the lamps, emissive materials and the world the strengths and colours of a look that the mixer saved"""
+
+    bl_idname = "ltm.apply_look"
+    bl_label = "Apply Look"
 
     def execute(self, context):
         packed = scene_file.packed(context.scene)
@@ -144,15 +144,11 @@ class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
 
-class LTM_OT_look_nodes(bpy.types.Operator, ImportHelper):
+class LTM_OT_look_nodes(bpy.types.Operator, LookChooser):
     """Make compositor nodes of a look that the mixer saved: the image of each light times its weight, added up"""
 
     bl_idname = "ltm.look_nodes"
     bl_label = "Look as Nodes"
-    bl_options = {"REGISTER", "UNDO"}
-
-    filter_glob: StringProperty(default="*.toml;*.json", options={"HIDDEN"})
-    look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
 
     @classmethod
     def poll(cls, context):

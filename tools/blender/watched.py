@@ -3,6 +3,7 @@
 
 import bpy
 
+from . import program
 from .finding import open_mixer
 
 
@@ -11,6 +12,15 @@ class Watched:
 
     run = None
     timer = None
+
+    def begin(self, arguments):
+        """Starts a program; whether it runs, with an error reported where it does not."""
+        try:
+            self.run = program.Run(arguments)
+        except OSError as error:
+            self.report({"ERROR"}, f"{arguments[0]} does not start: {error.strerror}")
+            return False
+        return True
 
     def succeeded(self):
         """Reports what the run warned of, and what it failed of; whether it ended well."""

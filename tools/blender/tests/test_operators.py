@@ -198,7 +198,7 @@ def test_a_run_tells_its_progress_and_can_be_cancelled(scene, program, add_on, t
     scene.render.resolution_x, scene.render.resolution_y, scene.ltm.samples = 800, 600, 4096
     assert bpy.ops.ltm.export() == {"FINISHED"}
     scene_file = tmp_path / "untitled.toml"
-    run = add_on.operators.program.Run([program, "render", scene_file, "-o", tmp_path / "a.ltc", "--pack", "--progress"])
+    run = add_on.program.Run([program, "render", scene_file, "-o", tmp_path / "a.ltc", "--pack", "--progress"])
     seen, begun = set(), time.monotonic()
     while len(seen) < 3 and run.is_running() and time.monotonic() - begun < 60:
         seen.add(run.status())
