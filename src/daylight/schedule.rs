@@ -29,12 +29,22 @@ impl Schedule {
     pub fn parse_hours(text: &str) -> Result<Self> {
         let hours =
             text.split_once('-').and_then(|(from, to)| Some((from.trim().parse().ok()?, to.trim().parse().ok()?)));
-        match hours {
-            Some((from_hour, to_hour)) if from_hour >= 0.0 && from_hour < to_hour && to_hour <= 24.0 => {
-                Ok(Self { from_hour, to_hour, ..Self::default() })
-            }
-            _ => Err(Error::input(format!("'{text}'"), "is no time of use", "write FROM-TO in hours, such as 8-18")),
+        let Some((from_hour, to_hour)) = hours else {
+            return Err(Error::input(format!("'{text}'"), "is no time of use", "write FROM-TO in hours, such as 8-18"));
+        };
+        Self::of_hours(from_hour, to_hour)
+    }
+
+    /// From one hour of the day to a later one, in all months.
+    ///
+    /// # Errors
+    /// Hours that are none; an end that is not after the begin.
+    pub fn of_hours(from_hour: f64, to_hour: f64) -> Result<Self> {
+        if from_hour >= 0.0 && from_hour < to_hour && to_hour <= 24.0 {
+            return Ok(Self { from_hour, to_hour, ..Self::default() });
         }
+        let place = format!("'{from_hour}-{to_hour}'");
+        Err(Error::input(place, "is no time of use", "write FROM-TO in hours, such as 8-18"))
     }
 
     /// Only these months, 1 to 12: from `first` to `last`, which may lie in the next year.

@@ -12,6 +12,7 @@ use super::file::{self, CameraEntry, GridEntry, LightEntry, LightEntryKind, Mate
 use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::lights::LightBuilder;
+use super::loaded::{listed, position_of_camera};
 use super::memory::MemoryBound;
 use super::resolve_materials::{Decided, MaterialResolver};
 use super::source::{Description, Geometry, SourceMaterial};
@@ -352,19 +353,9 @@ fn choose_camera(
     place: &str,
     warnings: &mut Warnings,
 ) -> Result<Camera> {
-    let known = || cameras.iter().map(|camera| camera.name.as_str());
-    let list = || known().take(20).map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    let names: Vec<_> = cameras.iter().map(|camera| (&*camera.name, camera.own_name.as_deref())).collect();
     let chosen = match name {
-        Some(name) => {
-            let by_node = cameras.iter().find(|camera| camera.name == name);
-            let found = by_node.or_else(|| cameras.iter().find(|camera| camera.own_name.as_deref() == Some(name)));
-            let hint = if cameras.is_empty() {
-                "it has none; leave the name out".into()
-            } else {
-                format!("it has {}", list())
-            };
-            Some(found.ok_or_else(|| Error::input(place, format!("has no camera '{name}'"), hint))?)
-        }
+        Some(name) => Some(&cameras[position_of_camera(place, &names, name)?]),
         None => cameras.first(),
     };
     let Some(chosen) = chosen else {
@@ -372,8 +363,8 @@ fn choose_camera(
         return seeing_all(&geometry.mesh);
     };
     if cameras.len() > 1 {
-        let count = cameras.len();
-        let text = format!("{place}: camera '{}' of {count} is used ({})", chosen.name, list());
+        let (count, list) = (cameras.len(), listed(names.iter().map(|(node, _)| *node)));
+        let text = format!("{place}: camera '{}' of {count} is used ({list})", chosen.name);
         warnings.push(Warning::new(text, Hint::ChooseCamera));
     }
     chosen.camera(origin).map_err(|error| match error {

@@ -2,7 +2,7 @@
 
 use super::content::content_hash;
 use super::{Camera, Scene};
-use crate::error::Warnings;
+use crate::error::{Error, Result, Warnings};
 use crate::light::Lighting;
 
 /// A scene that has been read and checked.
@@ -31,6 +31,23 @@ pub struct NamedCamera {
     pub own_name: Option<String>,
     /// The camera.
     pub camera: Camera,
+}
+
+/// Where the camera of that name stands among cameras by the names of their nodes and their own; the node's counts first.
+pub(super) fn position_of_camera(place: &str, names: &[(&str, Option<&str>)], name: &str) -> Result<usize> {
+    let by_node = names.iter().position(|(node, _)| *node == name);
+    by_node.or_else(|| names.iter().position(|(_, own)| *own == Some(name))).ok_or_else(|| {
+        let hint = match names.is_empty() {
+            true => "it has none; leave the name out".into(),
+            false => format!("it has {}", listed(names.iter().map(|(node, _)| *node))),
+        };
+        Error::input(place, format!("has no camera '{name}'"), hint)
+    })
+}
+
+/// Some names, for people.
+pub(super) fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.take(20).map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ")
 }
 
 /// Render settings of a scene.
@@ -70,11 +87,13 @@ impl LoadedScene {
         self.scene.has_planes(self.settings.samples_per_pixel)
     }
 
-    /// The camera of that name: of a node, else a camera's own.
-    pub fn camera_named(&self, name: &str) -> Option<&Camera> {
-        let by_node = self.cameras.iter().find(|camera| camera.name == name);
-        let by_own = || self.cameras.iter().find(|camera| camera.own_name.as_deref() == Some(name));
-        by_node.or_else(by_own).map(|found| &found.camera)
+    /// The camera of that name: of a node, else a camera's own. `place` names the file in the error.
+    ///
+    /// # Errors
+    /// No camera has it; the hint lists them.
+    pub fn camera_named(&self, place: &str, name: &str) -> Result<&Camera> {
+        let names: Vec<_> = self.cameras.iter().map(|camera| (&*camera.name, camera.own_name.as_deref())).collect();
+        Ok(&self.cameras[position_of_camera(place, &names, name)?].camera)
     }
 
     /// The same scene with pixels that show the irradiance of what they see, and not its radiance.

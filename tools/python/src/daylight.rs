@@ -57,7 +57,7 @@ pub(crate) fn year(
     let climate = Climate::read(climate)?;
     climate.warnings.iter().for_each(|warning| watch.warn(warning));
     let (from, to) = choices.hours;
-    let schedule = Schedule::parse_hours(&format!("{from}-{to}"))?.in_months(choices.months.0, choices.months.1)?;
+    let schedule = Schedule::of_hours(from, to)?.in_months(choices.months.0, choices.months.1)?;
     let options = DaylightOptions {
         sky: SkyOptions { north_degrees: choices.north, ground_reflectance: choices.ground },
         schedule,

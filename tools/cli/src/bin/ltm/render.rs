@@ -162,16 +162,7 @@ fn render_views(options: &Render, loaded: LoadedScene, output: &Path, console: &
     }
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let view = |name: &String| -> Result<SceneView> {
-        let refuse = || {
-            let known: Vec<String> = loaded.cameras.iter().map(|camera| format!("'{}'", camera.name)).collect();
-            let hint = if known.is_empty() {
-                "it has none; leave the name out".into()
-            } else {
-                format!("it has {}", known.join(", "))
-            };
-            Error::input(options.scene.display().to_string(), format!("has no camera '{name}'"), hint)
-        };
-        let camera = *loaded.camera_named(name).ok_or_else(refuse)?;
+        let camera = *loaded.camera_named(&options.scene.display().to_string(), name)?;
         let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' };
         let name: String = name.chars().map(plain).collect();
         Ok(SceneView { camera, path: output.with_file_name(format!("{stem}-{name}.ltc")) })
