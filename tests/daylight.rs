@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ltm::compress::Target;
 use ltm::container::ContainerReader;
-use ltm::daylight::{Climate, Schedule, SkyModel, SkyOptions, SkyTexels};
+use ltm::daylight::{ANNUAL_MEASURES, Climate, Schedule, SkyModel, SkyOptions, SkyTexels};
 use ltm::light::{LightKind, Lighting};
 use ltm::matrix::{BlockId, ColumnIndex};
 use ltm::pipeline::{self, DaylightOptions, DaylightSource, PackOptions, RenderOptions};
@@ -80,6 +80,33 @@ fn the_sky_component_through_an_opening_is_the_analytic_one() {
         let wanted = std::f64::consts::PI * 2.0 * (half(right) - half(left));
         let found = sum(&found, pixel);
         assert!((found / wanted - 1.0).abs() < 0.01, "{x}: {found} for {wanted}");
+    }
+}
+
+/// The daylight factor below an opening, against the integral of the overcast sky's luminance, (1 + 2 sin γ) / 3 of the zenith's, over it; open
+/// ground has 7π / 9 of the zenith's luminance (Moon and Spencer 1942).
+#[test]
+fn the_daylight_factor_below_an_opening_is_the_analytic_one() {
+    let folder = folder(0.0);
+    let path = rendered(folder.path(), &format!("{GRID}{PATCHES}"), 1 << 14);
+    let matrix = StoreReader::open(&path).unwrap();
+    let climate = Climate::parse("a.wea", WEA).unwrap();
+    let options = DaylightOptions::default();
+    let source = DaylightSource::Stored(&matrix);
+    let year = pipeline::daylight(&source, "a.ltm", &climate, &options, None, &NoProgress).unwrap();
+    let factor = ANNUAL_MEASURES.iter().position(|(name, _)| *name == "daylight_factor").unwrap();
+    let (steps, height) = (200, 3.0 - 0.01);
+    for (pixel, x) in [-1.5f64, -0.5, 0.5, 1.5].into_iter().enumerate() {
+        let mut lit = 0.0;
+        for i in 0..steps * steps {
+            let across = [i % steps, i / steps].map(|at| (at as f64 + 0.5) * 2.0 / steps as f64 - 1.0);
+            let square = (across[0] - x).powi(2) + across[1].powi(2) + height * height;
+            let sine = height / square.sqrt();
+            lit += (1.0 + 2.0 * sine) / 3.0 * sine * sine / square * (2.0 / steps as f64).powi(2);
+        }
+        let wanted = 100.0 * lit / (7.0 * std::f64::consts::PI / 9.0);
+        let found = f64::from(year.measures[pixel].values[factor]);
+        assert!((found / wanted - 1.0).abs() < 0.015, "{x}: {found} % for {wanted} %");
     }
 }
 
@@ -215,7 +242,10 @@ fn a_year_of_hours_is_the_product_with_the_sky_of_each_hour() {
         let source = DaylightSource::Container(&container);
         let from_container = pipeline::daylight(&source, "a.ltc", &climate, &options, None, &NoProgress).unwrap();
         for (a, b) in from_container.measures.iter().zip(&year.measures) {
-            assert!((a.values[6] / b.values[6] - 1.0).abs() < 0.03, "{} for {}", a.values[6], b.values[6]);
+            for measure in [6, ANNUAL_MEASURES.len() - 1] {
+                let (found, wanted) = (a.values[measure], b.values[measure]);
+                assert!((found / wanted - 1.0).abs() < 0.03, "{found} for {wanted}");
+            }
             assert!(a.values[7].is_nan());
         }
     }

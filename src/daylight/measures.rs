@@ -27,8 +27,11 @@ const EN_LEVELS: [f32; 4] = [100.0, 300.0, 500.0, 750.0];
 /// Hours of direct sun a year above which a place counts for annual sunlight exposure.
 const SUN_HOURS: f32 = 250.0;
 
+/// Number of measures of a place.
+const MEASURES: usize = 12;
+
 /// Names of [`AnnualMeasures::values`], with their units.
-pub const ANNUAL_MEASURES: [(&str, &str); 11] = [
+pub const ANNUAL_MEASURES: [(&str, &str); MEASURES] = [
     ("da", "%"),
     ("cda", "%"),
     ("udi_below", "%"),
@@ -40,6 +43,7 @@ pub const ANNUAL_MEASURES: [(&str, &str); 11] = [
     ("hours_above_100", "h"),
     ("hours_above_300", "h"),
     ("hours_above_500", "h"),
+    ("daylight_factor", "%"),
 ];
 
 /// Sums over the hours of a place, from which its measures follow.
@@ -55,9 +59,16 @@ pub struct HourSums {
     sun: u32,
     /// Steps with the sun up at each of the levels of EN 17037 or above.
     daylight: [u32; 4],
+    /// In percent.
+    daylight_factor: f32,
 }
 
 impl HourSums {
+    /// Sets the daylight factor in percent.
+    pub fn set_daylight_factor(&mut self, percent: f32) {
+        self.daylight_factor = percent;
+    }
+
     /// Adds steps with these illuminances: whether they are in the time of use, and whether the sun is up.
     #[inline(always)]
     pub fn add(&mut self, lux: &[f32], thresholds: &Thresholds, (is_used, is_day): (bool, bool)) {
@@ -119,6 +130,7 @@ impl HourSums {
                 hours(self.daylight[0]),
                 hours(self.daylight[1]),
                 hours(self.daylight[2]),
+                self.daylight_factor,
             ],
             half_of_day: self.daylight.map(half),
         }
@@ -131,8 +143,9 @@ pub struct AnnualMeasures {
     /// In the order of [`ANNUAL_MEASURES`]: daylight autonomy DA and its continuous form cDA (Reinhart, Mardaljevic and Rogers 2006, *Dynamic
     /// daylight performance metrics*, §3); useful daylight illuminance below 100, to 300, to 3,000 lx and above (Mardaljevic et al. 2012, *Daylighting
     /// metrics: is there a relation between useful daylight illuminance and daylight glare probability?*, §2); mean illuminance in the time
-    /// of use; hours of direct sun above 1,000 lx in the time of use, NaN where unknown; and hours of daylight at 100, 300 and 500 lx or above.
-    pub values: [f32; 11],
+    /// of use; hours of direct sun above 1,000 lx in the time of use, NaN where unknown; hours of daylight at 100, 300 and 500 lx or above; and
+    /// the daylight factor, illuminance over that of open ground under the CIE overcast sky (CIE 16-1970, *Daylight*).
+    pub values: [f32; MEASURES],
     /// Whether 100, 300, 500 and 750 lx are reached in half of the hours with the sun up.
     pub half_of_day: [bool; 4],
 }
@@ -149,7 +162,7 @@ pub struct SpatialMeasures {
     /// At each level of EN 17037 in half of the daylight hours.
     half_of_day: [u64; 4],
     /// Sum of the values of [`ANNUAL_MEASURES`].
-    sums: [f64; 11],
+    sums: [f64; MEASURES],
 }
 
 impl SpatialMeasures {
@@ -158,7 +171,7 @@ impl SpatialMeasures {
         let mut all = Self { sunny: Some(0), ..Self::default() };
         for place in places {
             all.places += 1;
-            let [da, .., sun, _, _, _] = place.values;
+            let [da, .., sun, _, _, _, _] = place.values;
             all.autonomous += u64::from(da >= 50.0);
             all.sunny = all.sunny.filter(|_| !sun.is_nan()).map(|count| count + u64::from(sun > SUN_HOURS));
             for (count, reached) in all.half_of_day.iter_mut().zip(place.half_of_day) {
@@ -213,9 +226,11 @@ mod tests {
         sums.add(&lux, &thresholds, (true, true));
         sums.add(&[5000.0, 20.0], &thresholds, (false, true));
         sums.add_sun(&[1000.0, 1001.0], &thresholds);
+        sums.set_daylight_factor(2.5);
         let AnnualMeasures { values, half_of_day } = sums.measures(10, 12, 1.0, true);
         let share = (0.0 + 50.0 + 100.0 + 200.0 + 250.0) / 300.0 + 5.0;
-        let wanted = [50.0, 10.0 * share, 20.0, 30.0, 40.0, 10.0, lux.iter().sum::<f32>() / 10.0, 1.0, 9.0, 6.0, 5.0];
+        let mean = lux.iter().sum::<f32>() / 10.0;
+        let wanted = [50.0, 10.0 * share, 20.0, 30.0, 40.0, 10.0, mean, 1.0, 9.0, 6.0, 5.0, 2.5];
         for ((name, _), (found, wanted)) in ANNUAL_MEASURES.iter().zip(values.iter().zip(wanted)) {
             assert!((found - wanted).abs() < 1e-3, "{name}: {found} for {wanted}");
         }
@@ -226,7 +241,7 @@ mod tests {
     #[test]
     fn a_space_has_the_shares_and_the_class_of_its_places() {
         let place = |da: f32, sun: f32, half_of_day: [bool; 4]| {
-            let mut values = [1.0; 11];
+            let mut values = [1.0; MEASURES];
             (values[0], values[7]) = (da, sun);
             AnnualMeasures { values, half_of_day }
         };

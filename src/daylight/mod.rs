@@ -39,8 +39,8 @@ pub use site::Site;
 pub use sky::{SkyModel, SkyNow, SkyOptions, SkyTexels};
 pub use sun::{Sun, sun_at};
 
-/// Luminous efficacy by which Radiance turns W into lm (Ward Larson and Shakespeare 1998, *Rendering with Radiance*, §4.1).
-pub const LUMENS_PER_WATT: f64 = 179.0;
+/// [`image::LUMENS_PER_WATT`](crate::image::LUMENS_PER_WATT), in the precision of the models here.
+pub const LUMENS_PER_WATT: f64 = crate::image::LUMENS_PER_WATT as f64;
 
 /// What each channel brings to luminance, as Radiance weighs them.
 pub const LUMINANCE_WEIGHTS: [f32; 3] = [0.265, 0.670, 0.065];

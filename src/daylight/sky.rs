@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::sun::Sun;
-use super::{Climate, ClimateStep, LUMENS_PER_WATT, PerezSky, sun_at};
+use super::{CieSky, Climate, ClimateStep, LUMENS_PER_WATT, PerezSky, sun_at};
 use crate::error::{Error, Result};
 use crate::light::EnvironmentMapping;
 
@@ -66,6 +66,24 @@ impl SkyTexels {
         let texels = 0..mapping.texel_count();
         let directions: Vec<_> = texels.clone().map(|texel| mapping.middle(texel).to_array()).collect();
         Self::new(&directions, &texels.map(|texel| mapping.solid_angle(texel)).collect::<Vec<_>>())
+    }
+
+    /// Radiance of each texel, in W·sr⁻¹·m⁻², under a standard sky that lights open ground by so many lux, the sun's own light not among
+    /// them. What is below the horizon is ground of this reflectance.
+    pub fn standard(&self, sky: CieSky, sun: Sun, lux: f64, ground_reflectance: f64) -> Vec<f32> {
+        let mut radiance = vec![ground_reflectance * lux / (PI * LUMENS_PER_WATT); self.angles.len()];
+        let mut horizontal = 0.0;
+        for (texel, &(altitude, _)) in self.angles.iter().enumerate().filter(|(_, (altitude, _))| *altitude > 0.0) {
+            let from_sun = self.directions[texel].dot(sun.towards()).clamp(-1.0, 1.0).acos();
+            radiance[texel] = sky.relative_luminance(altitude, from_sun, sun.altitude);
+            horizontal += radiance[texel] * altitude.sin() * self.solid_angles[texel];
+        }
+        // The illuminance by these texels, and not that of the continuous sky: the ground has what is asked for, however few there are.
+        let scale = if horizontal > 0.0 { lux / (LUMENS_PER_WATT * horizontal) } else { 0.0 };
+        for (value, (altitude, _)) in radiance.iter_mut().zip(&self.angles) {
+            *value *= if *altitude > 0.0 { scale } else { 1.0 };
+        }
+        radiance.into_iter().map(|value| value as f32).collect()
     }
 }
 

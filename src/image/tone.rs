@@ -14,8 +14,8 @@ pub fn encode_srgb(linear: f32) -> f32 {
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Luminous efficacy of white light in lm/W, as Radiance has it (G. Ward): radiance in W·sr⁻¹·m⁻² times this is luminance in
-/// cd·m⁻².
+/// Luminous efficacy of white light in lm/W, as Radiance has it (Ward Larson and Shakespeare 1998, *Rendering with Radiance*, §4.1):
+/// radiance in W·sr⁻¹·m⁻² times this is luminance in cd·m⁻².
 pub const LUMENS_PER_WATT: f32 = 179.0;
 
 /// Tone mapping operators and their parameters.

@@ -121,6 +121,13 @@ impl Light {
     pub fn layout(&self) -> (u32, u32) {
         self.kind.layout()
     }
+
+    /// The texel of an environment whose direction is nearest to one in the world, 0 of a light without columns.
+    pub fn nearest_texel(&self, direction: [f32; 3]) -> usize {
+        let nearness = |place: &[f32; 3]| (0..3).map(|i| place[i] * direction[i]).sum::<f32>();
+        let places = self.places.iter().enumerate();
+        places.max_by(|(_, a), (_, b)| nearness(a).total_cmp(&nearness(b))).map_or(0, |(texel, _)| texel)
+    }
 }
 
 impl LightKind {

@@ -228,7 +228,7 @@ impl Resolver<'_> {
         }
         // A split sky has each texel twice.
         let texels = light.kind.environment().map_or(weights.len(), |mapping| mapping.texel_count() as usize);
-        let texel = nearest_texel(light, unit(direction)?) % texels;
+        let texel = light.nearest_texel(unit(direction)?) % texels;
         for weights in weights.chunks_exact_mut(texels) {
             let total = [0, 1, 2].map(|ch: usize| {
                 weights.iter().zip(&light.extents).map(|(weight, extent)| weight[ch] * extent).sum::<f32>()
@@ -269,13 +269,6 @@ impl Resolver<'_> {
         }
         Ok(image)
     }
-}
-
-/// The column whose direction is nearest to `direction`, both in the world's axes.
-fn nearest_texel(light: &Light, direction: [f32; 3]) -> usize {
-    let dot = |place: &[f32; 3]| (0..3).map(|i| place[i] * direction[i]).sum::<f32>();
-    let nearest = light.places.iter().enumerate().max_by(|(_, a), (_, b)| dot(a).total_cmp(&dot(b)));
-    nearest.map_or(0, |(texel, _)| texel)
 }
 
 fn unit(direction: [f32; 3]) -> Result<[f32; 3], String> {

@@ -39,7 +39,10 @@ mod verify;
 
 pub use clean::{CleanOptions, clean_images};
 pub use compare::{BlockComparison, WorstEntry, compare_matrices, total_relative_l2};
-pub use daylight::{DaylightOptions, DaylightSource, DaylightYear, daylight, lighting_at, write_ill, write_measures};
+pub use daylight::{
+    DaylightOptions, DaylightSource, DaylightYear, StandardSky, daylight, lighting_at, lighting_under, write_ill,
+    write_measures,
+};
 pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};

@@ -39,6 +39,12 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     load_with(path, LoadOptions::default())
 }
 
+/// Whether a file is a scene by its name: a scene file, glTF, or OBJ.
+pub fn is_scene_file(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
+    ["toml", "glb", "gltf", "obj"].contains(&&*extension)
+}
+
 /// The names of the `[[grid]]` entries of a scene file, and whether it has a camera. A glTF file has no grids.
 ///
 /// # Errors

@@ -58,7 +58,7 @@ pub use emitter::{
 };
 pub use furnished_room::furnished_room;
 pub use lens::Lens;
-pub use load::{LoadOptions, grid_names, load, load_with};
+pub use load::{LoadOptions, grid_names, is_scene_file, load, load_with};
 pub use loaded::{LoadedScene, NamedCamera, RenderSettings};
 pub use material::{
     FloatTexture, Material, Paint, Placing, PrincipledSurface, Relief, Surface, Texels, Texture, TextureId,

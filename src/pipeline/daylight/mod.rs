@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use self::hours_file::HoursFile;
 pub use self::output::{write_ill, write_measures};
 use self::product::{BlockHours, PixelHours};
-pub use self::sky_lights::lighting_at;
+pub use self::sky_lights::{StandardSky, lighting_at, lighting_under};
 use self::year_light::YearLight;
 use crate::container::ContainerReader;
 use crate::daylight::{

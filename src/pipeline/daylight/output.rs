@@ -14,7 +14,7 @@ use crate::image::{ValueScale, npy_header, write_npy_values, write_value_map};
 const STEPS_AT_ONCE: usize = 256;
 
 /// Largest value of the picture of each of [`ANNUAL_MEASURES`]; none: that of the year.
-const SCALE_ENDS: [Option<f32>; 11] = [
+const SCALE_ENDS: [Option<f32>; ANNUAL_MEASURES.len()] = [
     Some(100.0),
     Some(100.0),
     Some(100.0),
@@ -26,6 +26,7 @@ const SCALE_ENDS: [Option<f32>; 11] = [
     Some(4380.0),
     Some(4380.0),
     Some(4380.0),
+    None,
 ];
 
 /// Writes a year into files beside each other whose names begin with `stem`: `-measures.npy` is `[measures, height, width]` in the order of

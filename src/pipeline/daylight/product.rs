@@ -24,6 +24,8 @@ pub(super) struct BlockHours {
     left: Vec<f32>,
     /// Rank × hours.
     right: Vec<f32>,
+    /// Rank: the right side under the overcast sky of the daylight factor.
+    overcast: Vec<f32>,
     /// Single entries: pixel, column, value; by pixel.
     entries: Vec<(u32, u32, f32)>,
 }
@@ -60,6 +62,7 @@ impl BlockHours {
             }
         }
         multiply(&mut right, &of_texels, &year.sky, [rank, texels, hours]);
+        let overcast = of_texels.chunks_exact(texels).map(|texels| dot(texels, &year.overcast)).collect();
         for k in 0..rank {
             add_sun(year, block.right_component(k), &mut right[k * hours..][..hours]);
         }
@@ -67,7 +70,7 @@ impl BlockHours {
             .map(|entry| (entry.row % pixels as u32, entry.column.0, lux_of(entry.row as usize / pixels) * entry.value))
             .collect();
         entries.sort_by_key(|(pixel, ..)| *pixel);
-        Self { pixels, rank, left, right, entries }
+        Self { pixels, rank, left, right, overcast, entries }
     }
 
     /// Of the entries themselves: the columns of the sky are the inner width, and those of places of the sun stand apart.
@@ -100,7 +103,24 @@ impl BlockHours {
             entries.extend(lit.map(|(pixel, value)| (pixel as u32, column, value)));
         }
         entries.sort_by_key(|(pixel, ..)| *pixel);
-        Self { pixels, rank: texels, left, right: Vec::new(), entries }
+        Self { pixels, rank: texels, left, right: Vec::new(), overcast: year.overcast.clone(), entries }
+    }
+
+    /// The daylight factor of each pixel in percent.
+    fn daylight_factors(&self, year: &YearLight) -> Vec<f32> {
+        let mut percent: Vec<f32> =
+            self.left.chunks_exact(self.rank.max(1)).map(|left| dot(left, &self.overcast)).collect();
+        percent.resize(self.pixels, 0.0);
+        // Of a matrix without factors the sky is in the left side already.
+        if !self.right.is_empty() {
+            let (columns, texels) = year.sky_columns();
+            for &(pixel, column, value) in &self.entries {
+                if columns.contains(&(column as usize)) {
+                    percent[pixel as usize] += value * year.overcast[(column as usize - columns.start) % texels];
+                }
+            }
+        }
+        percent
     }
 
     /// Upper bound of the bytes of a block of `pixels` of factors of a rank, over so many columns and hours.
@@ -114,8 +134,11 @@ impl BlockHours {
         ((size_of::<f32>() + size_of::<(u32, u32, f32)>()) * pixels * columns) as u64
     }
 
-    /// Adds the hours of all pixels.
+    /// Adds the hours of all pixels, and their daylight factors.
     pub(super) fn add_to(&self, year: &YearLight, thresholds: &Thresholds, mut target: PixelHours<'_>) {
+        for (sums, percent) in target.sums.iter_mut().zip(self.daylight_factors(year)) {
+            sums.set_daylight_factor(percent.max(0.0));
+        }
         for segment in &year.segments {
             for begin in segment.hours.clone().step_by(CHUNK) {
                 let range = begin..(begin + CHUNK).min(segment.hours.end);
@@ -124,6 +147,11 @@ impl BlockHours {
             }
         }
     }
+}
+
+/// The scalar product.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `product = a b`, row-major of rows × inner × columns.

@@ -1,6 +1,6 @@
 //! Which columns of a matrix are the sky's and the sun's, and what a moment puts on them.
 
-use crate::daylight::{Climate, SkyModel, SkyNow, SkyOptions, SkyTexels};
+use crate::daylight::{CieSky, Climate, SkyModel, SkyNow, SkyOptions, SkyTexels, Sun};
 use crate::error::{Error, Result};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
@@ -55,6 +55,17 @@ impl<'a> SkyLights<'a> {
         self.sky.places.len() / (1 + usize::from(self.is_split))
     }
 
+    /// The weights of `lamps`, with radiances in the sky's columns, dark without any, and no sun.
+    fn weights(&self, lamps: &Lighting, radiance: Option<&[f32]>) -> Vec<[f32; 3]> {
+        let mut weights = lamps.weights().to_vec();
+        for light in self.suns.into_iter().chain([self.sky]) {
+            light.columns().for_each(|column| weights[column as usize] = [0.0; 3]);
+        }
+        let columns = self.sky.columns().zip(radiance.unwrap_or_default().iter().cycle());
+        columns.for_each(|(column, radiance)| weights[column as usize] = [*radiance; 3]);
+        weights
+    }
+
     /// Gives what the sun of a moment adds to columns: column, weight, and whether the column has what comes straight from the sun. Errors:
     /// no place of the sun near where it stands.
     pub(super) fn put_sun(&self, place: &str, now: &SkyNow, mut put: impl FnMut(u32, f32, bool)) -> Result<()> {
@@ -104,23 +115,45 @@ pub fn lighting_at(
     options.check()?;
     let lights = SkyLights::of(place, basis)?;
     let step = climate.at(day, hour)?;
-    let mut weights = lamps.weights().to_vec();
-    let first = lights.sky.first_column as usize;
-    let suns = lights.suns.map(|suns| suns.first_column as usize..suns.first_column as usize + suns.places.len());
-    for column in (first..first + lights.sky.places.len()).chain(suns.into_iter().flatten()) {
-        weights[column] = [0.0; 3];
-    }
-    if let Some(now) = SkyModel::new(climate, options).at(&step, &lights.texels) {
-        for (column, radiance) in
-            weights[first..].iter_mut().zip(now.radiance.iter().cycle()).take(lights.sky.places.len())
-        {
-            *column = [*radiance; 3];
-        }
+    let now = SkyModel::new(climate, options).at(&step, &lights.texels);
+    let mut weights = lights.weights(lamps, now.as_ref().map(|now| &now.radiance[..]));
+    if let Some(now) = now {
         lights.put_sun(place, &now, |column, weight, _| {
             weights[column as usize].iter_mut().for_each(|channel| *channel += weight);
         })?;
     }
     Lighting::new(weights)
+}
+
+/// A standard sky of the CIE.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StandardSky {
+    /// Its shape.
+    pub sky: CieSky,
+    /// Where the sun stands behind it; of no effect on uniform and overcast skies.
+    pub sun: Sun,
+    /// Illuminance of open ground by the sky alone, in lux.
+    pub lux: f64,
+}
+
+/// The lighting of a standard sky, without the sun's own light; all other lights as in `lamps`. Units, `place` and errors as of
+/// [`lighting_at`]; an illuminance below 0 is an error too.
+pub fn lighting_under(
+    place: &str,
+    lamps: &Lighting,
+    basis: &LightBasis,
+    standard: StandardSky,
+    options: SkyOptions,
+) -> Result<Lighting> {
+    options.check()?;
+    let StandardSky { sky, sun, lux } = standard;
+    if !(lux >= 0.0 && lux.is_finite()) {
+        return Err(Error::input("the sky", format!("{lux} is no illuminance"), "give lx, 0 or more"));
+    }
+    let lights = SkyLights::of(place, basis)?;
+    let sun = Sun { azimuth: sun.azimuth - options.north_degrees.to_radians(), ..sun };
+    let radiance = lights.texels.standard(sky, sun, lux, options.ground_reflectance);
+    Lighting::new(lights.weights(lamps, Some(&radiance)))
 }
 
 #[cfg(test)]
@@ -160,6 +193,35 @@ mod tests {
         let weights = &lighting.weights()[sky.first_column as usize + row * count..][..count];
         let lit = weights.iter().zip(sky.places.iter().zip(&sky.extents));
         LUMENS_PER_WATT * lit.map(|(w, (p, extent))| f64::from(w[1] * p[1].max(0.0) * extent)).sum::<f64>()
+    }
+
+    /// Of a standard sky the ground has what was asked for, and the overcast one is, at the zenith, 9 / (7π) of the horizontal illuminance.
+    #[test]
+    fn standard_skies_light_open_ground_as_asked() {
+        let lamps = Lighting::new(vec![[0.5; 3]; basis(true).column_count()]).unwrap();
+        let sun = Sun { altitude: 0.7, azimuth: 1.0 };
+        let under =
+            |sky, lux| lighting_under("a", &lamps, &basis(true), StandardSky { sky, sun, lux }, SkyOptions::default());
+        for sky in [CieSky::Uniform, CieSky::Overcast, CieSky::Clear, CieSky::Intermediate] {
+            let lighting = under(sky, 8000.0).unwrap();
+            for row in 0..2 {
+                let found = horizontal_lux(&basis(true), &lighting, row);
+                assert!((found / 8000.0 - 1.0).abs() < 1e-5, "{sky:?}: {found}");
+            }
+            assert_eq!(lighting.weights()[0], [0.5; 3], "lamps stay as they are");
+        }
+        let lighting = under(CieSky::Overcast, 10000.0).unwrap();
+        let zenith = basis(true).lights()[1].nearest_texel([0.0, 1.0, 0.0]);
+        let found = LUMENS_PER_WATT * f64::from(lighting.weights()[1 + zenith][0]);
+        let wanted = 10000.0 * 9.0 / (7.0 * std::f64::consts::PI);
+        assert!((found / wanted - 1.0).abs() < 0.01, "{found} for {wanted}");
+        let towards = sun.towards().as_vec3().to_array();
+        let near = basis(true).lights()[1].nearest_texel(towards);
+        let clear = under(CieSky::Clear, 8000.0).unwrap();
+        let count = SkyPatches::of_subdivision(2).unwrap().count() as usize;
+        let brightest = (1..=count).max_by(|a, b| clear.weights()[*a][0].total_cmp(&clear.weights()[*b][0])).unwrap();
+        assert_eq!(brightest, 1 + near, "a clear sky is brightest around the sun");
+        assert!(under(CieSky::Clear, -1.0).is_err());
     }
 
     #[test]

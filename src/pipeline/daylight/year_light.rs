@@ -1,15 +1,19 @@
 //! The lighting of a year over the columns of a matrix.
 
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::DaylightOptions;
 use super::sky_lights::SkyLights;
-use crate::daylight::{Climate, SkyModel};
+use crate::daylight::{CieSky, Climate, SkyModel, Sun};
 use crate::error::{Error, Result};
 use crate::light::LightBasis;
+
+/// The sun of an overcast sky, which is the same around it.
+const OVERCAST_SUN: Sun = Sun { altitude: FRAC_PI_2, azimuth: 0.0 };
 
 /// Light of the sun on a column at an hour.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +51,8 @@ pub(super) struct YearLight {
     pub(super) day: u32,
     /// Whether what comes straight from the sun has columns that are apart from the rest.
     pub(super) knows_sun: bool,
+    /// Radiance of each texel under the CIE overcast sky that lights open ground by 100 lx: illuminance is then the daylight factor in percent.
+    pub(super) overcast: Vec<f32>,
 }
 
 impl YearLight {
@@ -75,6 +81,7 @@ impl YearLight {
             used: (0..climate.steps.len()).filter(|step| is_used(*step)).count() as u32,
             day: (0..climate.steps.len()).filter(|step| is_day(*step)).count() as u32,
             knows_sun: is_split,
+            overcast: texels.standard(CieSky::Overcast, OVERCAST_SUN, 100.0, options.sky.ground_reflectance),
         };
         let hours = lit.len();
         year.sky.par_chunks_exact_mut(hours).enumerate().for_each(|(texel, row)| {

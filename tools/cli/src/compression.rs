@@ -9,7 +9,7 @@ use ltm::resources::parse_bytes;
 use crate::say;
 
 /// The options under the heading "Compression".
-#[derive(Args)]
+#[derive(Args, Clone)]
 #[command(next_help_heading = "Compression")]
 pub struct Compression {
     /// auto, algorithm1 … algorithm4, proposed (blocks, Algorithm 4, Nyström), pca or svd.

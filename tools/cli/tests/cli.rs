@@ -244,6 +244,44 @@ fn light_groups_are_cleaned_into_a_file_like_theirs_and_get_names() {
     fail(at, "ltm-pack", &["groups.exr", "--names", "names.json", "-o", "x.ltc"], 3, &["names.json", "object"]);
 }
 
+/// Each frame of a sequence becomes the container that its file would become alone, and is relit under its own number.
+#[test]
+fn a_sequence_is_packed_and_relit_frame_by_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for frame in ["0007", "0008", "0012"] {
+        write_light_groups(&at.join(format!("shot.{frame}.exr")));
+    }
+    let said = succeed(at, "ltm-pack", &["shot.####.exr", "--frames", "0..12"]);
+    assert!(said.contains("frame 8, 2 in all") && said.matches("light 'key'").count() == 1, "{said}");
+    assert!(at.join("shot.0007.ltc").exists() && !at.join("shot.0012.ltc").exists());
+    succeed(at, "ltm-pack", &["shot.0008.exr", "-o", "alone.ltc"]);
+    let [of_sequence, alone] =
+        ["shot.0008.ltc", "alone.ltc"].map(|name| ltm::container::ContainerReader::open(&at.join(name)).unwrap());
+    assert_eq!(of_sequence.job().basis, alone.job().basis);
+    // One frame is there already: nothing is packed.
+    fail(at, "ltm-pack", &["shot.####.exr"], 3, &["shot.0007.ltc", "--force"]);
+    assert!(!at.join("shot.0012.ltc").exists());
+    fail(at, "ltm-pack", &["shot.####.exr", "-o", "one.ltc"], 3, &["one.ltc", "####"]);
+    fail(at, "ltm-pack", &["other.####.exr"], 3, &["other.####.exr", "no file"]);
+    fail(at, "ltm-pack", &["shot.0007.exr", "-o", "x.ltc", "--frames", "0..3"], 3, &["--frames", "####"]);
+    let said = succeed(at, "ltm", &["relight", "shot.####.ltc", "-o", "out.###.png", "--on", "key"]);
+    assert!(said.contains("2 frames") && said.matches("exposed by").count() == 1, "{said}");
+    assert!(at.join("out.007.png").exists() && at.join("out.008.png").exists());
+    // An animated look goes on from frame to frame.
+    let look = "[[look]]\nname = 'dim'\n[[look.light]]\nname = '*'\nstops = -2\n[[look]]\nname = 'bright'\n\
+        [[key]]\ntime_secs = 0\nlook = 'dim'\n[[key]]\ntime_secs = 1\nlook = 'bright'\n";
+    fs::write(at.join("fade.toml"), look).unwrap();
+    let faded = ["relight", "shot.####.ltc", "-l", "fade.toml", "--fps", "1", "-o", "fade.####.exr"];
+    succeed(at, "ltm", &faded);
+    let [dim, bright] = ["fade.0007.exr", "fade.0008.exr"].map(|name| ltm::image::read_image(&at.join(name)).unwrap());
+    for (dim, bright) in dim.pixels.iter().flatten().zip(bright.pixels.iter().flatten()) {
+        assert!((4.0 * dim - bright).abs() <= 1e-3 * bright, "{dim}, {bright}");
+    }
+    fail(at, "ltm", &["relight", "shot.####.ltc", "-o", "one.png"], 3, &["one.png", "####"]);
+    fail(at, "ltm", &["relight", "shot.####.exr", "-o", "x.###.png"], 3, &["shot.0007.exr"]);
+}
+
 #[test]
 fn light_groups_become_a_container_and_come_back() {
     let folder = tempfile::tempdir().unwrap();

@@ -343,12 +343,6 @@ fn failed(outbox: &Outbox, error: Error) -> bool {
     true
 }
 
-/// Whether a file is a scene, by its name.
-pub fn is_scene(path: &Path) -> bool {
-    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
-    ["toml", "glb", "gltf", "obj"].contains(&&*extension)
-}
-
 /// The time that an estimate states, counted on from when it came.
 #[derive(Clone, Copy, Debug)]
 pub struct LiveClock {

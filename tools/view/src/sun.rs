@@ -90,13 +90,6 @@ fn days_in_month(year: i32, month: u32) -> u32 {
     }
 }
 
-/// The texel of a light that lies nearest to a direction in the world.
-pub fn nearest_texel(light: &Light, direction: [f32; 3]) -> usize {
-    let nearness = |place: &[f32; 3]| (0..3).map(|i| place[i] * direction[i]).sum::<f32>();
-    let places = light.places.iter().enumerate();
-    places.max_by(|(_, a), (_, b)| nearness(a).total_cmp(&nearness(b))).map_or(0, |(texel, _)| texel)
-}
-
 /// A sky with the sun on one of its texels, which sends `2^stops` times what the whole sky does.
 ///
 /// # Panics
@@ -223,7 +216,7 @@ mod tests {
     #[test]
     fn a_sun_is_put_into_the_sky_and_moved_without_leaving_another() {
         let sky = sky();
-        let texel = nearest_texel(&sky, [-1.0, 0.5, 0.0]);
+        let texel = sky.nearest_texel([-1.0, 0.5, 0.0]);
         assert_eq!(texel, 1);
         let mut own = LightMix::of_scene(&sky);
         let first = PlacedSun::put(None, &mut own, 0, &sky, texel, 1.0);

@@ -26,7 +26,7 @@ use super::top_bar::{Choice, recent_files};
 use super::{exports, file_reading, report, worker_events, worker_requests};
 use crate::WindowOptions;
 use crate::export::write_rgba;
-use crate::live::{LiveChoices, is_scene};
+use crate::live::LiveChoices;
 use crate::recent::{Recent, RecentKind};
 use crate::unsaved::LeftBehind;
 use crate::words::line;
@@ -143,7 +143,7 @@ impl App {
 
     /// Opens a container, or renders a scene, instead of what is open, whose work is not kept.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
-        if is_scene(path) {
+        if ltm::scene::is_scene_file(path) {
             return self.render(context, path);
         }
         self.rendering = None;

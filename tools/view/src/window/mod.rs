@@ -144,11 +144,11 @@ fn unusable(message: &str) -> Error {
     let variable = |name: &str| format!("{name}={}", std::env::var(name).unwrap_or_default());
     if says(&["xlib's shared libraries"]) {
         let hint = "apt-get install libx11-6 libx11-xcb1 libxcursor1 libxi6";
-        return Error::input("ltm view", "one of the libraries of X11 is missing", hint);
+        return Error::input("the window", "one of the libraries of X11 is missing", hint);
     }
     if says(&["wayland compositor"]) {
         let problem = format!("no compositor answers at {}", variable("WAYLAND_DISPLAY"));
-        return Error::input("ltm view", problem, "unset WAYLAND_DISPLAY to open the window on DISPLAY");
+        return Error::input("the window", problem, "unset WAYLAND_DISPLAY to open the window on DISPLAY");
     }
     if says(&["wayland_display", "open display", "connection to x server"]) {
         let problem = match std::env::var("DISPLAY") {
@@ -156,10 +156,10 @@ fn unusable(message: &str) -> Error {
             _ => "there is no display to open a window on".into(),
         };
         let hint = "start it in a graphical session, or over `ssh -X`, or in `xvfb-run` (apt-get install xvfb)";
-        return Error::input("ltm view", problem, hint);
+        return Error::input("the window", problem, hint);
     }
     if let Some((_, package)) = LOADED_BY_NAME.iter().find(|(library, _)| lower.contains(library)) {
-        return Error::input("ltm view", "a library is missing", format!("apt-get install {package}"));
+        return Error::input("the window", "a library is missing", format!("apt-get install {package}"));
     }
     if says(&["adapter", "wgpu", "surface"]) {
         let problem = "no driver of Vulkan or OpenGL can draw a window on this display";
@@ -169,7 +169,7 @@ fn unusable(message: &str) -> Error {
     let text = text
         .rsplit_once(".rs:")
         .map_or(text.as_str(), |(_, rest)| rest.trim_start_matches(|c: char| !c.is_alphabetic()));
-    Error::input("ltm view", format!("the window cannot be opened ({text})"), "")
+    Error::input("the window", format!("cannot be opened ({text})"), "")
 }
 
 #[cfg(test)]
@@ -180,7 +180,7 @@ mod tests {
     fn a_missing_library_is_one_line_with_its_package() {
         let outcome = quietly(|| panic!("Library libxkbcommon-x11.so could not be loaded."));
         let error = unusable(&outcome.unwrap_err()).to_string();
-        assert_eq!(error, "ltm view: a library is missing; apt-get install libxkbcommon-x11-0");
+        assert_eq!(error, "the window: a library is missing; apt-get install libxkbcommon-x11-0");
         for (message, named) in [
             ("neither WAYLAND_DISPLAY nor DISPLAY is set", "no display"),
             ("os error at /x/linux/mod.rs:788: Failed to open connection to X server", "no display"),

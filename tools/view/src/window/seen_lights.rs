@@ -7,7 +7,7 @@ use super::pattern_editor::PatternEditorState;
 use super::theme::ACCENT;
 use crate::mixer::Mix;
 use crate::seen::{lights_within, position};
-use crate::sun::{PlacedSun, choose_sun, nearest_texel, suns};
+use crate::sun::{PlacedSun, choose_sun, suns};
 use crate::worker::Session;
 use ltm::light::LightKind;
 use ltm::scene::Camera;
@@ -71,7 +71,7 @@ pub(super) fn move_sun(
     if own.kind == LightKind::Sun {
         choose_sun(basis, mix, direction);
     } else {
-        editor.put_sun(&mut mix.lights[light], light, own, nearest_texel(own, direction));
+        editor.put_sun(&mut mix.lights[light], light, own, own.nearest_texel(direction));
     }
 }
 

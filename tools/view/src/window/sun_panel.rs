@@ -7,7 +7,7 @@ use super::message::line;
 use super::pattern_editor::PatternEditorState;
 use super::theme::{WEAK, section};
 use crate::mixer::LightMix;
-use crate::sun::{Moment, choose_sun, nearest_texel, suns};
+use crate::sun::{Moment, choose_sun, suns};
 use ltm::light::Light;
 
 /// What can be set of the sun of a sky.
@@ -44,7 +44,7 @@ pub(super) fn sun_settings(
         }
     });
     if let Some(direction) = by_date(ui, &mut editor.moment) {
-        editor.put_sun(own, index, light, nearest_texel(light, direction));
+        editor.put_sun(own, index, light, light.nearest_texel(direction));
     }
 }
 

@@ -9,7 +9,6 @@ use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 use ltm_view::WindowOptions;
-use ltm_view::sun::nearest_texel;
 
 use super::driver::Driver;
 use super::{CTRL, container, room};
@@ -214,7 +213,7 @@ fn the_sun_is_put_and_dragged_in_the_picture() {
     let middle = view.center();
     // The sun stands in the middle of the texel that a look straight ahead meets; the picture fits its room but for a margin.
     let sky = basis.lights().iter().find(|light| light.kind.is_environment()).unwrap();
-    let direction = glam::Vec3::from(sky.places[nearest_texel(sky, camera.forward.to_array())]);
+    let direction = glam::Vec3::from(sky.places[sky.nearest_texel(camera.forward.to_array())]);
     let at = camera.position(direction.normalize()).unwrap();
     let zoom = ((view.width() - 24.0) / 64.0).min((view.height() - 24.0) / 48.0);
     let sun = middle + vec2(at.x - 32.0, at.y - 24.0) * zoom;

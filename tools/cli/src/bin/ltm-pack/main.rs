@@ -3,6 +3,7 @@
 mod tables;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -13,17 +14,17 @@ use ltm::image::{FeaturePasses, LayerPattern, LightSet};
 use ltm::light::{Job, LightKind};
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, CleanOptions, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
-use ltm::resources::{human_bytes, parse_bytes};
+use ltm::resources::{Progress, human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
 use ltm_cli::words::in_flags;
-use ltm_cli::{documentation, names, say};
+use ltm_cli::{documentation, names, say, sequence};
 
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
 /// container (.ltc).
-#[derive(Parser)]
+#[derive(Clone, Parser)]
 #[command(name = "ltm-pack", version, after_help = format!("Examples:
   ltm-pack room.ltm                      writes room.ltc
   ltm-pack room.ltm -o small.ltc --target 1MiB --force
@@ -37,14 +38,19 @@ use ltm_cli::{documentation, names, say};
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
   ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
   ltm-pack 'render-*.exr' -o room.ltc    light groups of one rendering in several files
+  ltm-pack shot.####.exr                 a sequence: shot.0001.ltc and so on, one container for each frame
   ltm-pack lights.npz -o room.ltc        images [lights, height, width, 3], lights: their names
   ltm-pack panel.npy -o room.ltc --texels 32x32       the lights are the texels of one panel
 
 {EXIT_CODES}"))]
 struct Arguments {
     /// A stored matrix (.ltm), an OpenEXR file with light groups (several with `*`), a folder or pattern with {light} (.exr, .hdr,
-    /// .pfm), or an array (.npy, .npz).
+    /// .pfm), or an array (.npy, .npz). `#` stands for the digits of a frame's number: each frame becomes a container of its own, and
+    /// other names with `#` are those of the frame too.
     input: PathBuf,
+    /// Only these frames of a sequence, FIRST..END.
+    #[arg(long, value_parser = sequence::parse_range)]
+    frames: Option<Range<usize>>,
     /// The container to write [default: the input's name with .ltc].
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -72,7 +78,7 @@ struct Arguments {
     progress: bool,
 }
 
-#[derive(Args)]
+#[derive(Args, Clone)]
 #[command(next_help_heading = "Images of single lights")]
 struct Images {
     /// Which layers of an OpenEXR file are lights, as a regular expression; its group (`light`, else the first) is the
@@ -150,8 +156,67 @@ pub(crate) fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
+    let Some(found) = sequence::frames(&arguments.input, arguments.frames.as_ref())? else {
+        if arguments.frames.is_some() {
+            let hint = "put #### where the frames' names have their number";
+            return Err(Error::input("--frames", "is of a sequence", hint));
+        }
+        return pack_one(arguments, true, console);
+    };
+    let frames: Vec<_> = found.iter().map(|(frame, _)| arguments.of_frame(*frame)).collect::<Result<_>>()?;
+    for frame in &frames {
+        // Before the first is packed, and once more when its turn has come.
+        frame.check_output()?;
+    }
+    for ((number, input), frame) in found.iter().zip(&frames) {
+        if console.interrupted() {
+            let end = found[found.len() - 1].0 + 1;
+            let kept = format!("the frames before {number}, and --frames {number}..{end} goes on");
+            return Err(Error::interrupted(kept));
+        }
+        say!("{}: frame {number}, {} in all", input.display(), frames.len());
+        pack_one(frame, *number == found[0].0, console)?;
+    }
+    Ok(())
+}
+
+impl Arguments {
+    /// The arguments of one frame of a sequence.
+    fn of_frame(&self, frame: usize) -> Result<Self> {
+        let numbered = |path: &Path| sequence::frame_path(path, frame).unwrap_or_else(|| path.to_owned());
+        let written = |path: &Path| {
+            let hint = "put #### into it";
+            sequence::frame_path(path, frame)
+                .ok_or_else(|| Error::input(path.display().to_string(), "would be the name of every frame", hint))
+        };
+        let mut own = self.clone();
+        own.output = Some(written(&self.container())?);
+        own.input = numbered(&self.input);
+        own.basis = self.basis.as_deref().map(numbered);
+        own.images.second = self.images.second.as_deref().map(numbered);
+        own.images.features = self.images.features.as_deref().map(numbered);
+        own.images.clean_to = self.images.clean_to.as_deref().map(written).transpose()?;
+        Ok(own)
+    }
+
+    /// The container's name.
+    fn container(&self) -> PathBuf {
+        self.output.clone().unwrap_or_else(|| default_output(&self.input))
+    }
+
+    /// Refuses to write over what is there.
+    fn check_output(&self) -> Result<()> {
+        match &self.images.clean_to {
+            Some(clean) => check_output(clean, self.force),
+            None => pipeline::check_container_output(&self.container(), self.force),
+        }
+    }
+}
+
+/// Packs one matrix, or the images of one picture. What layers were taken for is said where `is_first`.
+fn pack_one(arguments: &Arguments, is_first: bool, console: &Console) -> Result<()> {
     let (input, images) = (&*arguments.input, &arguments.images);
-    let output = arguments.output.clone().unwrap_or_else(|| default_output(input));
+    let output = arguments.container();
     names::check_container(&output)?;
     if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
         let for_images = [
@@ -172,12 +237,9 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         return pack(&matrix, matrix.job(), &output, arguments, console);
     }
     let set = images.open(input)?;
-    match &images.clean_to {
-        Some(clean) => {
-            check_output(clean, arguments.force)?;
-            set.check_rewrite(input)?;
-        }
-        None => pipeline::check_container_output(&output, arguments.force)?,
+    arguments.check_output()?;
+    if images.clean_to.is_some() {
+        set.check_rewrite(input)?;
     }
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = images.block_side.unwrap_or(MatrixShape::DEFAULT_BLOCK_SIDE);
@@ -204,7 +266,7 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let beside = images.clean_to.as_ref().unwrap_or(&output);
     let mut matrix = ImportedMatrix::read(&set, noise, &name, beside, side, &pack_options(arguments), console)?;
     if let Some(clean) = &images.clean_to {
-        tables::print_matches(&matrix);
+        tables::print_matches(&matrix, is_first);
         let options = CleanOptions { overwrite: arguments.force, memory_bytes: arguments.memory };
         pipeline::clean_images(&matrix, &set, clean, options, console)?;
         let sum = if set.has_sum { ", which add up to the picture under all lights" } else { "" };
@@ -212,8 +274,8 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         return Ok(());
     }
     images.light().map_or(Ok(()), |texels| matrix.take_for_texels(texels))?;
-    tables::print_matches(&matrix);
-    if matrix.wants_noise() && arguments.compression.denoise() {
+    tables::print_matches(&matrix, is_first);
+    if is_first && matrix.wants_noise() && arguments.compression.denoise() {
         say!(
             "not denoised: the noise of images rendered once is not known; --estimate-noise guesses it, --second measures it"
         );

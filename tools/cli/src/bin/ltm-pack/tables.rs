@@ -13,8 +13,15 @@ const MAX_BLOCKS: usize = 48;
 /// Ignored layers that are named.
 const MAX_IGNORED: usize = 12;
 
-/// What each layer was taken for, whether the lights add up, and what looks wrong.
-pub(crate) fn print_matches(matrix: &ImportedMatrix) {
+/// What each layer was taken for and whether the lights add up, where that is `wanted`, and what looks wrong in any case.
+pub(crate) fn print_matches(matrix: &ImportedMatrix, wanted: bool) {
+    if wanted {
+        print_layers(matrix);
+    }
+    matrix.warnings.worded(in_flags).iter().for_each(|warning| eprintln!("warning: {}", plain(warning)));
+}
+
+fn print_layers(matrix: &ImportedMatrix) {
     let longest = matrix.matches.iter().map(|m| m.layer.chars().count()).max().unwrap_or(0).clamp(5, 48);
     let shown = |layer: &str| if layer.is_empty() { "(R, G, B)".to_owned() } else { layer.to_owned() };
     say!("{:<longest$}  taken for", "layer");
@@ -37,7 +44,6 @@ pub(crate) fn print_matches(matrix: &ImportedMatrix) {
         }
         None => say!("no image under all lights: whether the lights add up cannot be checked"),
     }
-    matrix.warnings.worded(in_flags).iter().for_each(|warning| eprintln!("warning: {}", plain(warning)));
 }
 
 /// The error of each block (of the worst ones, where there are many) and the worst place.

@@ -15,7 +15,7 @@ use ltm::scene::{LoadedScene, grid_names, in_file, shows_irradiance};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
-use crate::input::{Kind, Overrides, SceneFiles, is_scene, kind_of};
+use crate::input::{Kind, Overrides, SceneFiles, kind_of};
 use ltm_cli::console::Console;
 use ltm_cli::say;
 use ltm_cli::words::in_flags;
@@ -92,7 +92,7 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
         write_sky_matrix(options, &climate, subdivision)?;
     }
     let mut rows = Vec::new();
-    if is_scene(&options.input) {
+    if ltm::scene::is_scene_file(&options.input) {
         for view in views(options)? {
             rows.push(of_view(options, view.as_deref(), &climate, console)?);
         }
@@ -108,7 +108,7 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
 }
 
 const SUMMARY: &str = "view,places,dark,sda_percent,ase_percent,en_17037_class,da_percent,cda_percent,udi_below_percent,\
-udi_supplementary_percent,udi_autonomous_percent,udi_above_percent,mean_lux";
+udi_supplementary_percent,udi_autonomous_percent,udi_above_percent,mean_lux,daylight_factor_percent";
 
 fn check(options: &Daylight) -> Result<()> {
     let refuse = |place: &str, problem: String, hint: &str| Err(Error::input(place, problem, hint));
@@ -254,10 +254,13 @@ fn told(name: &str, year: &DaylightYear) -> String {
     let class = ["none", "minimum", "medium", "high"][space.en_17037_class()];
     let exposure = space.sunlight_exposure().map_or("unknown".to_owned(), |percent| format!("{percent:.1} %"));
     say!("{name}: sDA300,50 {:.1} %, ASE1000,250 {exposure}, EN 17037 {class}", space.spatial_autonomy());
-    let means: Vec<String> = (0..7).map(|measure| format!("{:.3}", space.mean(measure))).collect();
-    for ((measure, unit), mean) in ANNUAL_MEASURES.iter().zip(&means) {
-        say!("{name}: mean {measure} {mean} {}", if *unit == "lx" { "lx" } else { "%" });
+    let told = (0..7).chain([ANNUAL_MEASURES.len() - 1]);
+    let means: Vec<(usize, String)> = told.map(|measure| (measure, format!("{:.3}", space.mean(measure)))).collect();
+    for (measure, mean) in &means {
+        let (measure, unit) = ANNUAL_MEASURES[*measure];
+        say!("{name}: mean {measure} {mean} {unit}");
     }
+    let means: Vec<String> = means.into_iter().map(|(_, mean)| mean).collect();
     if space.sunlight_exposure().is_none() {
         say!("{name}: direct sun is told of a sky with split = true alone, by sensors and by pictures with --no-pack");
     }

@@ -22,7 +22,7 @@ use ltm_cli::console::Console;
 use ltm_cli::say;
 use serde_json::{Value, json};
 
-use crate::input::{Kind, is_scene, kind_of, load_look};
+use crate::input::{Kind, kind_of, load_look};
 
 /// Entries of a list that are shown to a person.
 const MAX_LISTED: usize = 40;
@@ -61,7 +61,7 @@ pub(crate) struct Info {
 
 pub(crate) fn run(options: &Info, console: &Console) -> Result<()> {
     let path = &*options.file;
-    if is_scene(path) {
+    if ltm::scene::is_scene_file(path) {
         return scene::run(path, options.json, options.allow_outside, options.memory);
     }
     match kind_of(path)? {

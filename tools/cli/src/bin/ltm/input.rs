@@ -106,12 +106,6 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
     }
 }
 
-/// Whether a file is a scene file or a glTF file, by its name.
-pub(crate) fn is_scene(path: &Path) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    ["toml", "glb", "gltf", "obj"].contains(&&*extension)
-}
-
 /// Whether a TOML text is that of a scene file, which names geometry or another scene; a look does neither.
 pub(crate) fn is_scene_text(text: &str) -> bool {
     let begins = |line: &str, key: &str| line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='));

@@ -1,6 +1,6 @@
 //! How an image is shown and written: the options of `ltm relight` that concern pictures.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use ltm::image::{self, KELVIN_RANGE, LUMENS_PER_WATT, LinearImage, ToneCurve, ToneMapping};
@@ -194,13 +194,4 @@ fn parse_scale(text: &str) -> Result<(f32, f32), String> {
     let (low, high) = text.split_once("..").ok_or("write LOW..HIGH, for example 1..1000")?;
     let (low, high) = (value(low)?, value(high)?);
     if low > 0.0 && high > low && high.is_finite() { Ok((low, high)) } else { Err("give 0 < LOW < HIGH".into()) }
-}
-
-/// The name of a frame: the last run of `#` becomes its number.
-pub(crate) fn frame_path(pattern: &Path, frame: usize) -> Option<PathBuf> {
-    let name = pattern.file_name()?.to_str()?;
-    let end = name.rfind('#')? + 1;
-    let begin = name[..end].trim_end_matches('#').len();
-    let number = format!("{frame:0width$}", width = end - begin);
-    Some(pattern.with_file_name(format!("{}{number}{}", &name[..begin], &name[end..])))
 }

@@ -13,21 +13,22 @@ use ltm::pipeline::{
     Device, PASSES, RelightOptions, Relighter, open_container, relight_matrix, relight_passes, relit_layers_need_bytes,
     write_relit_layers,
 };
-use ltm::resources::{Progress, parse_bytes};
+use ltm::resources::{NoProgress, Progress, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of, load_look};
 use crate::moment::{DaylightArguments, Moment};
-use crate::picture::{Format, Picture, format_of, frame_path};
+use crate::picture::{Format, Picture, Writer, format_of};
 use ltm_cli::console::Console;
 use ltm_cli::say;
+use ltm_cli::sequence::{self, frame_path};
 
 #[derive(Args)]
 pub(crate) struct Relight {
-    /// The container or matrix.
+    /// The container or matrix; of a sequence of containers `#` stands for the digits of a frame's number.
     input: PathBuf,
-    /// The image to write, .exr or .png; for an animation with `#` in place of the frame's number.
+    /// The image to write, .exr or .png; for an animation or a sequence with `#` in place of the frame's number.
     #[arg(short, long)]
     output: PathBuf,
     /// A look file (TOML or JSON) [default: the scene's own lighting].
@@ -50,8 +51,8 @@ pub(crate) struct Relight {
     /// Frames per second of an animation.
     #[arg(long, default_value = "25", value_name = "RATE")]
     fps: f32,
-    /// Only these frames of an animation, FIRST..END.
-    #[arg(long, value_parser = parse_frames)]
+    /// Only these frames of an animation or a sequence, FIRST..END.
+    #[arg(long, value_parser = sequence::parse_range)]
     frames: Option<std::ops::Range<usize>>,
     #[command(flatten)]
     daylight: DaylightArguments,
@@ -92,33 +93,18 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
     if options.layers == Some(Layers::Features) {
         return write_features(options, format, console);
     }
+    if let Some(frames) = sequence::frames(&options.input, options.frames.as_ref())? {
+        return relight_sequence(options, &frames, format, console);
+    }
     match kind_of(&options.input)? {
         Kind::Container => {
             if options.layers == Some(Layers::Passes) {
                 return Err(only_a_matrix(&options.input, "passes"));
             }
             let container = open_container(&options.input)?;
-            let task = Task::new(options, container.job(), format, console)?;
-            let device = match options.device {
-                DeviceName::Auto => Device::Auto,
-                DeviceName::Cpu => Device::Cpu,
-                DeviceName::Gpu => Device::Gpu,
-            };
-            let settings = RelightOptions { device, ..task.memory() };
-            let relighter = Relighter::open(&container, settings, console)?;
-            let relight = |lighting: &Lighting| {
-                let image = relighter.relight(lighting)?;
-                let damage = relighter.damage();
-                match damage.first() {
-                    Some(first) if !options.allow_damage => {
-                        let problem = format!("damaged blocks: {}; {first}", damage.len());
-                        let hint = "--allow-damage writes the image with the others";
-                        Err(Error::damaged(&options.input, problem, hint))
-                    }
-                    _ => Ok(image),
-                }
-            };
-            task.run(&relight, console)?;
+            let task = Task::new(options, container.job(), format, None, console)?;
+            let relighter = Relighter::open(&container, task.settings(), console)?;
+            task.run(&|lighting| relit(options, &options.input, &relighter, lighting), console)?;
             say!("{}: relit by {}", options.output.display(), relighter.description());
             let damage = relighter.damage();
             damage.iter().for_each(|line| console.note(line));
@@ -129,7 +115,7 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
-            let task = Task::new(options, matrix.job(), format, console)?;
+            let task = Task::new(options, matrix.job(), format, None, console)?;
             if options.layers == Some(Layers::Passes) {
                 return task.write_passes(&matrix);
             }
@@ -147,6 +133,57 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
             say!("{}: relit by the raw matrix", options.output.display());
         }
     }
+    Ok(())
+}
+
+/// The image of a lighting, if the container is whole or need not be.
+fn relit(options: &Relight, input: &Path, relighter: &Relighter<'_>, lighting: &Lighting) -> Result<LinearImage> {
+    let image = relighter.relight(lighting)?;
+    let damage = relighter.damage();
+    match damage.first() {
+        Some(first) if !options.allow_damage => {
+            let problem = format!("damaged blocks: {}; {first}", damage.len());
+            Err(Error::damaged(input, problem, "--allow-damage writes the image with the others"))
+        }
+        _ => Ok(image),
+    }
+}
+
+/// Relights the containers of a sequence by one look. The first frame exposes all; an animated look goes on with the frames.
+fn relight_sequence(options: &Relight, frames: &[(usize, PathBuf)], format: Format, console: &Console) -> Result<()> {
+    let place = options.output.display().to_string();
+    if options.layers.is_some() {
+        return Err(Error::input("--layers", "are of one container, not of a sequence", "give one frame's container"));
+    }
+    let named = |frame: usize| {
+        let hint = "put #### into the output's name";
+        frame_path(&options.output, frame).ok_or_else(|| Error::input(&*place, "would be that of every frame", hint))
+    };
+    named(0)?;
+    let mut writer: Option<Writer> = None;
+    console.begin("frames", frames.len() as u64, "frames");
+    let written = frames.iter().enumerate().try_for_each(|(at, (frame, input))| {
+        if console.interrupted() {
+            return Err(Error::interrupted(format!("frames before {frame} are written")));
+        }
+        if !matches!(kind_of(input)?, Kind::Container) {
+            let hint = "pack the frames: ltm-pack FRAMES -o frames.####.ltc";
+            return Err(Error::input(input.display().to_string(), "a sequence is of containers", hint));
+        }
+        let container = open_container(input)?;
+        let task = Task::new(options, container.job(), format, Some(at), console)?;
+        let relighter = Relighter::open(&container, task.settings(), &NoProgress)?;
+        let image = relit(options, input, &relighter, &task.lighting)?;
+        let mut say = |line: String| say!("{place}: {line}");
+        writer
+            .get_or_insert_with(|| options.picture.writer(format, &image, &mut say))
+            .write(&named(*frame)?, &image)?;
+        console.advance(1, 1, "frames");
+        Ok(())
+    });
+    console.end();
+    written?;
+    say!("{place}: {} frames", frames.len());
     Ok(())
 }
 
@@ -188,13 +225,26 @@ struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    fn new(options: &'a Relight, job: &'a Job, format: Format, console: &Console) -> Result<Self> {
+    /// `frame` is the place of a container in a sequence.
+    fn new(
+        options: &'a Relight,
+        job: &'a Job,
+        format: Format,
+        frame: Option<usize>,
+        console: &Console,
+    ) -> Result<Self> {
         let load = |path| load_look(path, &job.basis, options.allow_outside);
         let look = options.lighting.as_deref().map(load).transpose()?;
         let daylight = options.daylight.moment(console)?;
         let lamps = match (&look, &options.look) {
             (Some(look), Some(name)) => look.named(name)?.clone(),
-            (Some(look), None) => look.lighting().clone(),
+            (Some(look), None) => match (frame, look.keys().next()) {
+                (Some(frame), Some(_)) => {
+                    let frames = look.frames(options.fps)?;
+                    frames.lighting(frame.min(frames.count() - 1))?
+                }
+                _ => look.lighting().clone(),
+            },
             (None, _) => Lighting::of_scene(&job.basis),
         };
         let lighting = match &daylight {
@@ -203,33 +253,34 @@ impl<'a> Task<'a> {
         };
         let on = if options.on.is_empty() { None } else { Some(chosen(job, &options.on)?) };
         let place = options.output.display().to_string();
-        let is_sequence = frame_path(&options.output, 0).is_some();
+        let is_animation = frame.is_none() && frame_path(&options.output, 0).is_some();
         let frames = match (&daylight, &look) {
-            _ if !is_sequence => 0,
+            _ if !is_animation => 0,
             (Some(moment), _) => moment.frames().unwrap_or(0),
             (None, Some(look)) => look.frames(options.fps)?.count(),
             (None, None) => 0,
         };
-        if is_sequence && frames == 0 {
+        if is_animation && frames == 0 {
             let (problem, hint) = match &daylight {
-                Some(_) => ("a sequence is of a whole day", "leave HH:MM out of --at"),
+                Some(_) => ("an animation is of a whole day", "leave HH:MM out of --at"),
                 None => {
-                    ("a sequence needs keys to go between", "give a look file with [[key]], or --climate with a day")
+                    ("an animation needs keys to go between", "give a look file with [[key]], or --climate with a day")
                 }
             };
             return Err(Error::input(place, problem, hint));
         }
-        if !is_sequence && daylight.as_ref().is_some_and(|moment| moment.frames().is_some()) {
+        if !is_animation && daylight.as_ref().is_some_and(|moment| moment.frames().is_some()) {
             return Err(Error::input(
                 "--at",
                 "is a day without a time",
                 "add HH:MM, or put #### into the output's name",
             ));
         }
-        if options.frames.is_some() && frames == 0 {
-            return Err(Error::input(place, "--frames is of a sequence", "put #### into the name"));
+        if options.frames.is_some() && frames == 0 && frame.is_none() {
+            return Err(Error::input(place, "--frames is of an animation", "put #### into the name"));
         }
-        if let Some(range) = options.frames.as_ref().filter(|range| range.is_empty() || range.end > frames) {
+        let range = options.frames.as_ref().filter(|_| frame.is_none());
+        if let Some(range) = range.filter(|range| range.is_empty() || range.end > frames) {
             let problem = format!("there are no frames {}..{}", range.start, range.end);
             return Err(Error::input(place, problem, format!("the animation has frames 0..{frames}")));
         }
@@ -261,6 +312,16 @@ impl<'a> Task<'a> {
             Some(Layers::Groups) => self.look.as_ref().map_or(0, |look| look.groups().len()) + 1,
         };
         lightings + relit_layers_need_bytes(layers, self.job.shape)
+    }
+
+    /// How a container is relit.
+    fn settings(&self) -> RelightOptions {
+        let device = match self.options.device {
+            DeviceName::Auto => Device::Auto,
+            DeviceName::Cpu => Device::Cpu,
+            DeviceName::Gpu => Device::Gpu,
+        };
+        RelightOptions { device, ..self.memory() }
     }
 
     /// What relighting must stay within, and what is taken beside it.
@@ -408,10 +469,4 @@ fn chosen(job: &Job, patterns: &[String]) -> Result<Vec<u32>> {
         columns.extend(matching.into_iter().flat_map(|light| lights[light].columns()));
     }
     Ok(columns)
-}
-
-fn parse_frames(text: &str) -> Result<std::ops::Range<usize>, String> {
-    let (first, end) = text.split_once("..").ok_or("write FIRST..END, for example 0..100")?;
-    let number = |s: &str| s.parse().map_err(|e| format!("'{s}' is no frame's number ({e})"));
-    Ok(number(first)?..number(end)?)
 }
