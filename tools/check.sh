@@ -32,16 +32,26 @@ print(*project["dependencies"], *sum(extras, []))') openjd-cli
 }
 fetch >/dev/null 2>&1 &
 fetching=$!
-trap 'kill "$fetching" 2>/dev/null || true; rm -rf "$work"' EXIT
+linting=
+trap 'kill $fetching $linting 2>/dev/null || true; rm -rf "$work"' EXIT
+
+# With fewer features half of the crates are checked anew. That is done while the tests of the Python package and of the page wait: for
+# workers, daemons, a browser.
+lint_with_fewer_features() {
+    cargo clippy -p light-transport-matrix --no-default-features --locked -- -D warnings &&
+        cargo clippy -p ltm-cli --locked -- -D warnings
+}
+begin_lints() {
+    if [ -z "$linting" ]; then
+        lint_with_fewer_features >"$work/lints" 2>&1 &
+        linting=$!
+    fi
+}
 
 step "format"
 cargo fmt --all --check
 step "lints"
 cargo clippy --workspace --all-targets --locked -- -D warnings
-step "the library without its features"
-cargo clippy -p light-transport-matrix --no-default-features --locked -- -D warnings
-step "the programs without their features"
-cargo clippy -p ltm-cli --locked -- -D warnings
 step "tests"
 cargo test --workspace --locked
 step "documentation"
@@ -111,6 +121,7 @@ if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))
     if "$work/venv/bin/pip" download --quiet --no-deps --dest "$work/wheels" numpy; then
         MATURIN_PEP517_ARGS="--profile $profile ${features[*]}" \
             "$work/venv/bin/pip" install --quiet './tools/python[test,farm,slurm]' openjd-cli
+        begin_lints
         # More processes than processors: two thirds of the time is waiting for workers, daemons, kernels and a bad network.
         LTM=$(realpath "$target/$built/ltm") "$work/venv/bin/python" -m pytest --quiet -n 4 --dist loadgroup tools/python
     else
@@ -119,6 +130,7 @@ if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))
 else
     echo "no python3 of 3.10 or newer with venv: the Python package is not tested"
 fi
+begin_lints
 step "the Blender add-on"
 # bpy is 300 MB and wants one version of Python, so that it is used where it is and not fetched. LTM_PYTHON names the Python that has it.
 python=${LTM_PYTHON:-python3}
@@ -143,4 +155,6 @@ if node -e 'process.exit(process.versions.node.split(".")[0] < 20 ? 1 : 0)' 2>/d
 else
     echo "no node of 20 or newer with npm: the shared page is not tested in a browser"
 fi
+step "the library and the programs without their features"
+wait "$linting" || { cat "$work/lints"; exit 1; }
 step "done"
