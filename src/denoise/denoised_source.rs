@@ -30,7 +30,7 @@ use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, st
 use crate::compress::{ClusterMap, CompressorPlan};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
-use crate::light::{Clusters, DenoiseErrors, DenoisedLight, Job, LightBasis, LightGroups, LightKind};
+use crate::light::{Clusters, DenoiseErrors, DenoisedLight, Job, Light, LightBasis, LightGroups, LightKind};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Threads};
 
@@ -363,25 +363,39 @@ impl DenoisedSource {
         Ok(sum.max(0.0) / count.max(1) as f64)
     }
 
-    /// Share of each light in the mean of the denoised image with all columns on.
+    /// Brightness of each light's denoised image over that of the image with all columns on: the cube of the mean cube root of light. Lightness is
+    /// about a cube root (CIE 015:2018, §8.2.1), so that of a light which is bright in one corner the rest of its image counts. Decision 73.
     ///
     /// # Errors
     /// Those of the disk.
-    pub(crate) fn shares_of_lights(&self, basis: &LightBasis) -> Result<Vec<f64>> {
-        let mut clusters = vec![0.0f64; self.clusters];
+    pub(crate) fn brightness_of_lights(&self, basis: &LightBasis) -> Result<Vec<f64>> {
+        let columns = self.shape.columns();
+        // What of each cluster's image is a light's: of one light, some clusters.
+        let of_light = |light: &Light| -> Vec<(usize, f32)> {
+            let own = light.columns().start as usize..light.columns().end as usize;
+            let parts = self.map.chunks_exact(columns).map(|row| row[own.clone()].iter().sum::<f32>());
+            parts.enumerate().filter(|(_, part)| *part != 0.0).collect()
+        };
+        let mut images: Vec<Vec<(usize, f32)>> = basis.lights().iter().map(of_light).collect();
+        images.push((0..self.clusters).map(|cluster| (cluster, 1.0)).collect());
+        let mut roots = vec![0.0f64; images.len()];
+        let mut light = Vec::new();
         for id in self.blocks() {
             let tiles = self.image_tiles(id)?;
-            for (sum, image) in clusters.iter_mut().zip(tiles.chunks_exact(tiles.len() / self.clusters)) {
-                *sum += image.iter().map(|&v| f64::from(v)).sum::<f64>();
+            let planes: Vec<&[f32]> = tiles.chunks_exact(tiles.len() / self.clusters).collect();
+            for (sum, parts) in roots.iter_mut().zip(&images) {
+                light.clear();
+                light.resize(planes[0].len() / CHANNELS, 0.0f32);
+                for &(cluster, part) in parts {
+                    for channel in planes[cluster].chunks_exact(light.len()) {
+                        light.iter_mut().zip(channel).for_each(|(sum, value)| *sum += part * value);
+                    }
+                }
+                *sum += light.iter().map(|&value| f64::from(value.max(0.0)).cbrt()).sum::<f64>();
             }
         }
-        let columns = self.shape.columns();
-        let of_column = |column: u32| -> f64 {
-            let shares = self.map[column as usize..].iter().step_by(columns);
-            clusters.iter().zip(shares).map(|(light, &share)| light * f64::from(share)).sum()
-        };
-        let all = clusters.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
+        let all = roots.pop().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+        Ok(roots.iter().map(|root| (root / all).powi(3)).collect())
     }
 
     /// The errors of denoising over the whole image, of all images of lights together and of each light; `None` if the images came from a file.

@@ -17,6 +17,7 @@ use glam::{Vec2, Vec3};
 use super::accumulator::PixelSums;
 use super::bsdf::{Lobes, Scattered};
 use super::camera_ray::ray_of_pixel;
+use super::further_rays::features_through;
 use super::guiding::{self, Guided, PathGuide};
 use super::lights::{EmitterHit, Receiver, SeenLight, SplitSky, SunShare};
 use super::photons::{GatheredWithin, Photons};
@@ -302,7 +303,7 @@ impl Paths<'_> {
                 travelled += at.point.position.distance(ray.origin);
             }
             let here = DeltaBranch { ray, throughput, share: seen, eta_scale, vertex, passes };
-            let shown = (layer == LightPath::Emission).then_some(here);
+            let shown = (layer == LightPath::Emission).then_some((here, travelled));
             if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
                 passes += 1;
                 ray = at.past(&ray);
@@ -508,19 +509,31 @@ impl Paths<'_> {
     }
 
     /// Whether a path hits a partly transparent surface, by a uniform number, which is rescaled to be uniform again.
-    /// Emission behind the surface is seen whole, as behind boundaries: with the share `seen`, and by a delta branch.
+    /// Emission behind the surface is seen whole, as behind boundaries: with the share `seen`, and by a delta branch. So are the features,
+    /// for which `shown` also has the path's length.
     #[cold]
     fn meets(
         &self,
         at: &PathVertex,
         (choice, seen): (&mut f32, &mut f32),
-        shown: Option<DeltaBranch>,
+        shown: Option<(DeltaBranch, f32)>,
         forks: &mut u32,
         sampler: &Sampler,
         record: &mut PathRecord<'_, '_>,
     ) -> bool {
         let meets = *choice < at.opacity;
-        if let Some(here) = shown.filter(|_| at.shows_no_emitter()) {
+        if let Some((DeltaBranch { ray, throughput, .. }, travelled)) = shown
+            && at.opacity > 0.0
+            && record.planes.is_some()
+            && !record.features.is_whole
+        {
+            let rays = &mut record.cost.rays;
+            if let Some(all) = features_through(self.world, at, ray, (throughput, travelled), sampler, rays) {
+                let SampleFeatures { sees_emitter, specular, .. } = record.features;
+                record.features = SampleFeatures { sees_emitter, specular, ..all };
+            }
+        }
+        if let Some((here, _)) = shown.filter(|_| at.shows_no_emitter()) {
             if meets {
                 self.trace_delta_branch(here.through(at), forks, sampler, record);
             } else {

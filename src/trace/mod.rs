@@ -44,4 +44,4 @@ pub use tracer_memory::TracerMemory;
 
 /// Version of the tracer's results, named by every matrix, so that blocks of two versions are never mixed. Raise it
 /// with every change of an entry.
-pub const TRACER_VERSION: u32 = 16;
+pub const TRACER_VERSION: u32 = 17;

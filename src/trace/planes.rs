@@ -13,9 +13,6 @@ use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission
 const ALBEDO_NOISE: f32 = 0.01;
 const MAX_FURTHER: u32 = 48;
 
-/// Planes of features that each sample has: all but the albedo of the pixel, the last, which follows from them.
-const SAMPLED: usize = FEATURE_PLANES - CHANNELS;
-
 /// How light reached the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LightPath {
@@ -27,27 +24,36 @@ pub(super) enum LightPath {
     Indirect,
 }
 
-/// The features of one sample at its first non-specular vertex.
+/// The features of one sample at its first non-specular vertex. Where surfaces before that let a part of the light through, all but the
+/// albedo that the sample's own light met are those of all these surfaces, each with its share: which of them a path meets is chance.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SampleFeatures {
+    /// Of the surface that the path met.
     pub(super) albedo: Vec3,
+    /// Of all surfaces.
+    pub(super) pixel_albedo: Vec3,
     pub(super) normal: Vec3,
     pub(super) depth: f32,
     pub(super) sees_emitter: bool,
     pub(super) specular: bool,
-    /// Whether the path reached a surface that scatters or absorbs it.
-    pub(super) on_surface: bool,
-    /// Number of the surface's material, from 1 on.
+    /// Share of surfaces that scatter or absorb.
+    pub(super) surface: f32,
+    /// Number of the material of the largest share, from 1 on.
     pub(super) material: u32,
+    /// That share.
+    pub(super) largest: f32,
+    /// Whether all surfaces are in already.
+    pub(super) is_whole: bool,
 }
 
 impl SampleFeatures {
     #[inline(always)]
-    fn values(&self) -> [f32; SAMPLED] {
+    fn values(&self) -> [f32; FEATURE_PLANES] {
         let share = |is: bool| if is { 1.0 } else { 0.0 };
-        let (a, n) = (self.albedo, self.normal);
-        let [emitter, specular, surface] = [self.sees_emitter, self.specular, self.on_surface].map(share);
-        [a.x, a.y, a.z, n.x, n.y, n.z, self.depth, emitter, specular, surface, self.material as f32]
+        let (a, n, all) = (self.albedo, self.normal, self.pixel_albedo);
+        let [emitter, specular] = [self.sees_emitter, self.specular].map(share);
+        let material = self.material as f32;
+        [a.x, a.y, a.z, n.x, n.y, n.z, self.depth, emitter, specular, self.surface, material, all.x, all.y, all.z]
     }
 }
 
@@ -75,15 +81,15 @@ pub(super) struct PlaneSums<'a> {
 /// Sums of features as differences from the first sample, so that squares of large depths keep their precision.
 #[derive(Clone, Copy, Debug, Default)]
 struct FeatureSums {
-    first: [f32; SAMPLED],
-    sum: [f32; SAMPLED],
-    squares: [f32; SAMPLED],
+    first: [f32; FEATURE_PLANES],
+    sum: [f32; FEATURE_PLANES],
+    squares: [f32; FEATURE_PLANES],
     count: u32,
 }
 
 impl FeatureSums {
     #[inline(always)]
-    fn add(&mut self, values: [f32; SAMPLED]) {
+    fn add(&mut self, values: [f32; FEATURE_PLANES]) {
         if self.count == 0 {
             self.first = values;
         }
@@ -105,9 +111,9 @@ impl FeatureSums {
         ((self.squares[plane] / count - mean * mean) / (count - 1.0)).max(0.0)
     }
 
-    /// Number of further samples that would bring the albedo's noise down to [`ALBEDO_NOISE`].
+    /// Number of further samples that would bring the noise of the pixel's albedo down to [`ALBEDO_NOISE`].
     fn further(&self) -> u32 {
-        let channels = Feature::Albedo.planes();
+        let channels = Feature::PixelAlbedo.planes();
         let sum = |of: &dyn Fn(usize) -> f32| channels.clone().map(of).sum::<f32>();
         let (noise, albedo) = (sum(&|plane| self.variance(plane)), sum(&|plane| self.mean(plane)));
         if self.count < 2 || albedo <= 0.0 || self.sum[Feature::Specular.planes().start] > 0.0 {
@@ -209,12 +215,11 @@ impl<'a> PlaneSums<'a> {
         let (own, further) = (std::mem::take(&mut self.features), std::mem::take(&mut self.further));
         let all = if further.count > 0 { further } else { own };
         for feature in Feature::ALL {
-            for (channel, plane) in feature.planes().enumerate() {
+            for plane in feature.planes() {
                 let sums = if feature.is_of_light() { &own } else { &all };
-                let of = if feature == Feature::PixelAlbedo { channel } else { plane };
-                let value = if feature == Feature::Material { sums.first[of] } else { sums.mean(of) };
+                let value = if feature == Feature::Material { sums.first[plane] } else { sums.mean(plane) };
                 (feature_lines[plane][pixel], feature_lines[FEATURE_PLANES + plane][pixel]) =
-                    (value, sums.variance(of));
+                    (value, sums.variance(plane));
             }
         }
         if feature_lines[Feature::Emitter.planes().start][pixel] > 0.0 {
@@ -327,7 +332,11 @@ mod tests {
         let mut planes = BlockPlanes::default();
         planes.reset(1, 0);
         for depth in [1000.0, 1001.0, 1002.0, 1005.0] {
-            sums.add_features(&SampleFeatures { depth, on_surface: depth < 1001.5, ..Default::default() });
+            sums.add_features(&SampleFeatures {
+                depth,
+                surface: if depth < 1001.5 { 1.0 } else { 0.0 },
+                ..Default::default()
+            });
         }
         let run = Run { first: 0, count: 1, pixels: 1 };
         sums.take(&mut planes, run, 0, [2, 2]);

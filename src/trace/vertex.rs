@@ -105,10 +105,27 @@ impl PathVertex {
     #[inline(always)]
     pub(super) fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
         features.albedo = throughput * self.bsdf.albedo(self.wo);
-        features.normal = self.frame.z;
-        features.depth = depth;
-        features.on_surface = true;
-        features.material = world.material_index(&self.point) + 1;
+        if !features.is_whole {
+            self.show_share(world, features, (features.albedo, depth), 1.0);
+        }
+    }
+
+    /// Adds a share of a surface with this albedo at this depth.
+    #[inline(always)]
+    pub(super) fn show_share(
+        &self,
+        world: &World,
+        features: &mut SampleFeatures,
+        (albedo, depth): (Vec3, f32),
+        share: f32,
+    ) {
+        features.pixel_albedo += share * albedo;
+        features.normal += share * self.frame.z;
+        features.depth += share * depth;
+        features.surface += share;
+        if share > features.largest {
+            (features.largest, features.material) = (share, world.material_index(&self.point) + 1);
+        }
     }
 
     /// The ray that leaves along a direction.

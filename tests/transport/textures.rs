@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use ltm::light::{EnvironmentMapping, LightKind};
+use ltm::matrix::Feature;
 use ltm::scene::{
     AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, Placing, PointEmitter, Scene, Surface, Texels, Texture,
     TextureId,
@@ -9,6 +10,7 @@ use ltm::scene::{
 use ltm::trace::TraceSettings;
 
 use crate::caustics::columns;
+use crate::layers::planes;
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
 
 /// A texture of 2 × 1 texels, left and right.
@@ -263,4 +265,28 @@ fn what_shines_through_has_no_grain() {
     for value in image(scene, 2, 2) {
         assert!((value - 0.75).abs() < 1e-5, "{value}");
     }
+}
+
+/// Features behind what is partly there are those of all surfaces by their shares, without noise, whichever of them a sample's light met.
+#[test]
+fn what_is_partly_there_has_its_share_of_the_features() {
+    let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 20.0, 8));
+    builder.quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, lambert(0.4));
+    builder.quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X * 2.0, Vec3::Y * 2.0, lambert(0.6));
+    sky(&mut builder);
+    let mut scene = builder.build();
+    scene.materials.last_mut().unwrap().opacity = 0.25;
+    let (mut nearer, mut pixels) = (0, 0);
+    for (block, _) in trace(scene, settings(4, 3)) {
+        let planes = planes(&block);
+        for feature in [Feature::PixelAlbedo, Feature::Normal, Feature::Surface] {
+            assert!(planes.variance(feature).iter().all(|variance| *variance < 1e-9), "{feature:?}");
+        }
+        assert!(planes.feature(Feature::PixelAlbedo).iter().all(|albedo| (albedo - 0.45).abs() < 1e-5));
+        // A quarter of 1.5 and three quarters of 2, and a little more towards the corners.
+        assert!(planes.feature(Feature::Depth).iter().all(|depth| (1.874..1.93).contains(depth)));
+        pixels += planes.pixels();
+        nearer += planes.feature(Feature::Albedo)[..planes.pixels()].iter().filter(|albedo| **albedo > 0.5).count();
+    }
+    assert!(nearer > 0 && nearer < pixels, "the light of {nearer} of {pixels} pixels met the nearer surface mostly");
 }

@@ -353,8 +353,8 @@ impl Packing {
         }
         denoised.fit(watch)?;
         self.denoising = denoised.errors()?;
-        let shares = denoised.shares_of_lights(&self.job.basis)?;
-        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &shares).for_blocks()?);
+        let brightness = denoised.brightness_of_lights(&self.job.basis)?;
+        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &brightness).for_blocks()?);
         let stage = JobStage { name: "analysing", work_unit: "B" };
         let packed = self.compress(first_pass, stage, watch, |id, block| {
             denoised.read_block(id, block)?;
@@ -526,7 +526,7 @@ fn kept_of(candidate: &Candidate, cut: &Cut, band_steps: &Arc<[i8]>) -> Factored
 }
 
 /// The compressor for the matrix of a job. Each light alone counts as much as all together. Lights have equal shares of
-/// the image if columns are divided by their scales; denoising a matrix measures the shares.
+/// the image if columns are divided by their scales; of a denoised matrix the shares are measured.
 ///
 /// # Errors
 /// Those of [`CompressorPlan::new`].
