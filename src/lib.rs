@@ -73,7 +73,7 @@
 //! | `open` | `error`, `matrix`, `image`, `light`, `store`, `container`, `relight`, `pipeline`, `resources`, `blob_store` |
 //! | `make` | `error`, `light`, `scene`, `pipeline`, `resources` |
 //! | `sample_budget` | `error`, `block_records`, `container`, `matrix`, `light`, `scene`, `trace`, `store`, `denoise`, `resources`, `error_estimate`, `pipeline` |
-//! | `farm` | `error`, `files`, `matrix`, `light`, `scene`, `trace`, `compress`, `denoise`, `resources`, `blob_store`, `block_records`, `pipeline` |
+//! | `farm` | `error`, `encoding`, `files`, `matrix`, `light`, `scene`, `trace`, `compress`, `container`, `denoise`, `resources`, `blob_store`, `block_records`, `pipeline` |
 //!
 //! # Which crate is used where
 //!
@@ -99,7 +99,7 @@
 //! | `libc` | `store` |
 //! | `memmap2` | `store`, `trace` |
 //! | `rustix` | `files`, `store` |
-//! | `sha2` | `block_records`, `container`, `denoise`, `light`, `memory_matrix`, `pipeline`, `scene`, `share`, `store` |
+//! | `sha2` | `block_records`, `container`, `denoise`, `farm`, `light`, `memory_matrix`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `block_records`, `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `block_records`, `denoise`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
 //! | `pulp` | `denoise`, `container`, `pipeline`, `relight`, `store`, `trace`, `simd` |

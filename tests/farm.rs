@@ -4,11 +4,12 @@
 use std::fs;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use ltm::Error;
 use ltm::blob_store::BlobStore;
 use ltm::compress::{CompressSettings, Method, Target};
-use ltm::farm::{FarmJob, RefusedShard, Shards};
+use ltm::farm::{FarmJob, Next, RefusedShard, Round, Shards, WorkFolders, find_unit, windows};
 use ltm::pipeline::{self, PackOptions};
 use ltm::resources::NoProgress;
 use ltm::scene::{BuiltIn, LoadedScene};
@@ -106,7 +107,7 @@ fn a_range_that_is_there_is_found_and_has_one_name_from_any_number_of_threads() 
     let folder = tempfile::tempdir().unwrap();
     let (depot, options) = (depot(folder.path()), options(true));
     let fingerprint = job("mixed", &options).fingerprint();
-    let find = |range, check| FarmJob::find(&fingerprint, &range, &depot, check).unwrap();
+    let find = |range, check| find_unit(&fingerprint, Round::Trace, &range, &depot, check).unwrap();
     assert_eq!(find(2..7, false), None, "the folder is not there yet");
     let name = build("mixed", &options, 2..7, &depot);
     assert_eq!(find(2..7, false), Some(name.clone()));
@@ -225,7 +226,155 @@ fn a_probe_says_what_blocks_cost() {
     let name = build("mixed", &options(true), 0..BLOCKS, &depot(folder.path()));
     let bytes: u64 = probe.blocks.iter().map(|probed| probed.bytes).sum();
     let whole = fs::metadata(folder.path().join("shards").join(name)).unwrap().len();
-    // The head, and 16 bytes for each place.
-    assert_eq!(whole, bytes + 128 + 16 * u64::from(BLOCKS));
+    // The head, 16 bytes for the place of the summary and of each of four records; in the summary the light of each block, and sums of
+    // products of the images of clusters, and of these.
+    let clusters = ltm::light::Clusters::of_basis(&job("mixed", &options(true)).job().basis).count() as u64;
+    assert_eq!(
+        whole,
+        bytes + 128 + 16 * (1 + 4 * u64::from(BLOCKS)) + 8 * u64::from(BLOCKS) + 16 * (clusters + 1) * clusters
+    );
     assert!(probe.blocks.iter().all(|probed| probed.seconds > 0.0));
+}
+
+/// A room that is several windows wide or high, in few samples.
+fn long_room(width: u32, height: u32) -> LoadedScene {
+    let mut loaded = BuiltIn { width, height, texels: 8 }.named("mixed").unwrap();
+    loaded.settings.samples_per_pixel = 2;
+    loaded.settings.block_side = 16;
+    loaded
+}
+
+/// Ranges of a few blocks each.
+fn ranges_of(blocks: u32, most: u32, random: &mut Pcg64Mcg) -> Vec<Range<u32>> {
+    let (mut ranges, mut first) = (Vec::new(), 0);
+    while first < blocks {
+        let end = (first + random.random_range(1..=most)).min(blocks);
+        ranges.push(first..end);
+        first = end;
+    }
+    ranges
+}
+
+/// Does all rounds, in any order, with units that are lost and done again, and gives the container.
+fn by_rounds(
+    room: &dyn Fn() -> LoadedScene,
+    options: &PackOptions,
+    ranges: &[Range<u32>],
+    folder: &Path,
+    random: &mut Pcg64Mcg,
+) -> Vec<u8> {
+    let depot = Arc::new(BlobStore::open(folder.join("depot").to_str().unwrap()).unwrap());
+    let keep = folder.join("keep");
+    fs::create_dir_all(&keep).unwrap();
+    let job = || FarmJob::new(room(), options).unwrap();
+    let fingerprint = job().fingerprint();
+    let mut seen = Vec::new();
+    let coded = loop {
+        let (round, mut units) = match job().next(ranges, &depot, false, &NoProgress).unwrap() {
+            Next::Build { round, units, .. } => (round, units),
+            Next::Merge(coded) => break coded,
+        };
+        let again = seen.last() == Some(&round);
+        seen.push(round);
+        units.shuffle(random);
+        // The last is lost the first time, where there are several.
+        if !again && units.len() > 1 {
+            units.pop();
+        }
+        for number in units {
+            let unit = job().units(round, ranges)[number].clone();
+            let build = |keep: Option<&Path>| {
+                let folders = WorkFolders { scratch: None, keep };
+                job().build_unit(round, unit.clone(), &depot, folders, &NoProgress).unwrap().name
+            };
+            // What is kept of the analysis, or not, changes nothing.
+            let name = build(Some(&*keep).filter(|_| random.random()));
+            assert_eq!(find_unit(&fingerprint, round, &unit, &depot, true).unwrap(), Some(name.clone()));
+            if random.random_range(0..4) == 0 {
+                assert_eq!(build(None), name, "{round:?} {unit:?}");
+            }
+        }
+    };
+    seen.dedup();
+    assert_eq!(seen, job().rounds());
+    let path = folder.join("rounds.ltc");
+    job().assemble(&coded, &depot, &path, &NoProgress).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    fs::remove_file(path).unwrap();
+    bytes
+}
+
+#[test]
+fn rounds_give_the_bytes_of_one_machine() {
+    let mut random = Pcg64Mcg::seed_from_u64(6);
+    let slope = |target| CompressSettings { target, ..CompressSettings::default() };
+    let of_bytes = |denoise| PackOptions { compress: slope(Target::Bytes(20_000)), ..options(denoise) };
+    let cases = [
+        ("mixed", options(true)),
+        ("diffuse", of_bytes(true)),
+        ("mixed", options(false)),
+        ("diffuse", of_bytes(false)),
+        ("diffuse", PackOptions { compress: CompressSettings::of_method(Method::BlockSvd), ..options(false) }),
+    ];
+    for (name, options) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let expected = single(name, &options, folder.path());
+        let ranges = ranges_of(BLOCKS, 6, &mut random);
+        let found = by_rounds(&|| room(name), &options, &ranges, folder.path(), &mut random);
+        assert!(found == expected, "{name}, {options:?}");
+    }
+}
+
+#[test]
+fn windows_of_a_picture_that_are_denoised_apart_give_the_bytes_of_one_machine() {
+    let mut random = Pcg64Mcg::seed_from_u64(7);
+    for (width, height) in [(1056, 32), (32, 1056)] {
+        let folder = tempfile::tempdir().unwrap();
+        let room = || long_room(width, height);
+        let options = options(true);
+        let path = folder.path().join("single.ltc");
+        pipeline::render_packed(room(), &path, &options, &NoProgress).unwrap();
+        let expected = fs::read(&path).unwrap();
+        let shape = FarmJob::new(room(), &options).unwrap().job().shape;
+        assert!(windows(shape).len() == 3 && shape.columns() > 32, "windows, and clusters of columns");
+        let ranges = ranges_of(shape.block_count(), 40, &mut random);
+        let found = by_rounds(&room, &options, &ranges, folder.path(), &mut random);
+        assert!(found == expected, "{width} × {height}");
+    }
+}
+
+#[test]
+fn what_a_round_lacks_is_said_and_a_changed_shard_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (depot, options) = (Arc::new(depot(folder.path())), options(true));
+    let ranges = [0..8, 8..BLOCKS];
+    let job = || job("mixed", &options);
+    let build = |round, unit: Range<u32>| job().build_unit(round, unit, &depot, WorkFolders::default(), &NoProgress);
+    let next = |check| match job().next(&ranges, &depot, check, &NoProgress).unwrap() {
+        Next::Build { round, units, of, damaged } => (round, units, of, damaged),
+        Next::Merge(_) => panic!("nothing is coded"),
+    };
+    let early = build(Round::Clean, 0..BLOCKS).unwrap_err();
+    assert!(matches!(early, Error::Incomplete { .. }) && early.to_string().contains("clean"), "{early}");
+    build(Round::Trace, 0..8).unwrap();
+    assert_eq!(next(false), (Round::Trace, vec![1], 2, Vec::new()));
+    let shard = build(Round::Trace, 8..BLOCKS).unwrap().name;
+    assert_eq!(next(false), (Round::Clean, vec![0], 1, Vec::new()));
+    for unit in [0..BLOCKS + 1, 0..3, 4..4] {
+        assert!(matches!(build(Round::Clean, unit), Err(Error::Input { .. })));
+    }
+    assert!(matches!(job().next(&[0..8, 9..BLOCKS], &depot, false, &NoProgress), Err(Error::Input { .. })));
+    // A byte of what is read there.
+    let path = folder.path().join("shards").join(&shard);
+    let whole = fs::read(&path).unwrap();
+    let mut bytes = whole.clone();
+    bytes[whole.len() / 3] ^= 1;
+    fs::write(&path, &bytes).unwrap();
+    assert!(matches!(build(Round::Clean, 0..BLOCKS), Err(Error::Damaged { .. })));
+    assert_eq!(next(true), (Round::Trace, vec![1], 2, vec![shard]));
+    build(Round::Trace, 8..BLOCKS).unwrap();
+    assert!(fs::read(&path).unwrap() == whole);
+    assert_eq!(next(true).0, Round::Clean);
+    build(Round::Clean, 0..BLOCKS).unwrap();
+    assert_eq!(next(true), (Round::Analyse, vec![0, 1], 2, Vec::new()));
 }

@@ -30,6 +30,9 @@ use crate::files::{Ranged, open_input};
 /// Begins the address of an object or of a prefix of objects.
 const STORE: &str = "s3://";
 
+/// Most bytes that are read at once.
+const MAX_WHOLE_BYTES: u64 = 1 << 30;
+
 /// Writes the content of a file; may be called again where a try failed.
 pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> Result<()>;
 
@@ -126,6 +129,23 @@ impl BlobStore {
             #[cfg(feature = "s3")]
             Backend::Bucket(bucket) => Ok(Box::new(Object::open(bucket.clone(), name)?)),
         }
+    }
+
+    /// A whole file of it, of at most a gibibyte.
+    ///
+    /// # Errors
+    /// It is not there, is larger, or cannot be read.
+    pub fn read(&self, name: &str) -> Result<Vec<u8>> {
+        let file = self.open_file(name)?;
+        let failed = || Error::io(Path::new(&self.address).join(name), "read");
+        let bytes = file.bytes().map_err(failed())?;
+        if bytes > MAX_WHOLE_BYTES {
+            let problem = format!("{bytes} bytes are too many to be read at once");
+            return Err(Error::damaged(Path::new(&self.address).join(name), problem, "remove it"));
+        }
+        let mut content = vec![0; bytes as usize];
+        file.fill(&mut content, 0).map_err(failed())?;
+        Ok(content)
     }
 
     /// A file of the depot as a local file: itself, or a copy in `cache`, which is kept.

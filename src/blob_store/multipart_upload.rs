@@ -1,12 +1,14 @@
 //! Writing an object: small ones by one request, others in parts, which the store makes one object of at the end. Either way it is there
 //! whole or not at all.
 
+use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Write};
 use std::mem;
 
 use object_store::multipart::{MultipartStore, PartId};
 use object_store::path::Path;
 use object_store::{MultipartId, ObjectStore, PutPayload};
+use tokio::task::JoinHandle;
 
 use super::Content;
 use super::s3::Bucket;
@@ -16,8 +18,10 @@ use crate::error::{Error, Result};
 const PART_BYTES: usize = 16 << 20;
 /// Tries of a whole object in parts of which the end was refused: its beginning may have been forgotten.
 const TRIES: usize = 3;
-/// Memory that writing takes at most: a part that is filled, and one under way.
-pub(super) const HELD_BYTES: u64 = 3 * PART_BYTES as u64;
+/// Parts that are under way at most.
+const FLYING: usize = 3;
+/// Memory that writing takes at most: a part that is filled, and those under way, of which one may be held twice.
+pub(super) const HELD_BYTES: u64 = (FLYING as u64 + 2) * PART_BYTES as u64;
 
 /// An object that is being written.
 pub(super) struct Upload<'a> {
@@ -26,9 +30,16 @@ pub(super) struct Upload<'a> {
     key: Path,
     waiting: Vec<u8>,
     /// Once there is more than one part.
-    parts: Option<(MultipartId, Vec<PartId>)>,
+    parts: Option<Parts>,
     /// What the store refused, which a writer can tell as an error of the system only.
     refused: Option<Error>,
+}
+
+/// Parts of an object, those under way after those that have landed.
+struct Parts {
+    id: MultipartId,
+    landed: Vec<PartId>,
+    flying: VecDeque<JoinHandle<object_store::Result<PartId>>>,
 }
 
 impl<'a> Upload<'a> {
@@ -57,26 +68,37 @@ impl<'a> Upload<'a> {
         unreachable!("the numbers do not end")
     }
 
+    /// Sends the part that waits, once there is room for it among those under way.
     fn send_part(&mut self) -> Result<()> {
-        let (id, sent) = match self.parts.take() {
+        self.land(FLYING - 1)?;
+        let payload = PutPayload::from(mem::take(&mut self.waiting));
+        let parts = match &mut self.parts {
             Some(parts) => parts,
-            None => {
+            none => {
                 let id = self.bucket.ask(&self.address, "begin", |client| {
                     let key = self.key.clone();
                     async move { client.create_multipart(&key).await }
                 })?;
-                (id, Vec::new())
+                none.insert(Parts { id, landed: Vec::new(), flying: VecDeque::new() })
             }
         };
-        let payload = PutPayload::from(mem::take(&mut self.waiting));
-        let number = sent.len();
-        // Kept whatever becomes of the part, so that the parts can be dropped.
-        let (id, parts) = self.parts.insert((id, sent));
-        let part = self.bucket.ask(&self.address, &format!("write part {}", number + 1), |client| {
-            let (key, id, payload) = (self.key.clone(), id.clone(), payload.clone());
+        let (key, id, number) = (self.key.clone(), parts.id.clone(), parts.landed.len() + parts.flying.len());
+        parts.flying.push_back(self.bucket.begin(move |client| {
+            let (key, id, payload) = (key.clone(), id.clone(), payload.clone());
             async move { client.put_part(&key, &id, number, payload).await }
-        })?;
-        parts.push(part);
+        })?);
+        Ok(())
+    }
+
+    /// Waits until at most so many parts are under way.
+    fn land(&mut self, most: usize) -> Result<()> {
+        let Some(Parts { landed, flying, .. }) = &mut self.parts else { return Ok(()) };
+        while flying.len() > most
+            && let Some(begun) = flying.pop_front()
+        {
+            let action = format!("write part {}", landed.len() + 1);
+            landed.push(self.bucket.end(begun, &self.address, &action)?);
+        }
         Ok(())
     }
 
@@ -91,16 +113,21 @@ impl<'a> Upload<'a> {
         if !self.waiting.is_empty() {
             self.send_part()?;
         }
-        let Some((id, parts)) = &self.parts else { return Ok(()) };
+        self.land(0)?;
+        let Some(Parts { id, landed, .. }) = &self.parts else { return Ok(()) };
         self.bucket.ask(&self.address, "complete", |client| {
-            let (key, id, parts) = (self.key.clone(), id.clone(), parts.clone());
+            let (key, id, parts) = (self.key.clone(), id.clone(), landed.clone());
             async move { client.complete_multipart(&key, &id, parts).await.map(drop) }
         })
     }
 
     /// Has the store drop parts of an object that was not completed. Where it does not answer its own rules do so, some day.
-    fn abort(&self) {
-        if let Some((id, _)) = &self.parts {
+    fn abort(&mut self) {
+        // What lands after its object was dropped would stay.
+        for begun in self.parts.iter_mut().flat_map(|parts| parts.flying.drain(..)) {
+            let _ = self.bucket.end(begun, &self.address, "write");
+        }
+        if let Some(Parts { id, .. }) = &self.parts {
             let _ = self.bucket.ask(&self.address, "drop the parts of", |client| {
                 let (key, id) = (self.key.clone(), id.clone());
                 async move { client.abort_multipart(&key, &id).await }

@@ -19,6 +19,7 @@ use object_store::list::{PaginatedListOptions, PaginatedListStore};
 use object_store::path::Path;
 use object_store::{BackoffConfig, GetOptions, ObjectStore, RetryConfig};
 use tokio::runtime::{Builder, Runtime};
+use tokio::task::JoinHandle;
 
 use super::read_ahead::{Ahead, HELD_BYTES};
 use crate::error::{Error, Result};
@@ -58,6 +59,25 @@ fn runtime() -> Result<&'static Runtime> {
             Ok(runtime)
         }
     }
+}
+
+async fn again_where_it_broke_off<T, F>(
+    client: Arc<AmazonS3>,
+    ask: impl Fn(Arc<AmazonS3>) -> F,
+) -> object_store::Result<T>
+where
+    F: Future<Output = object_store::Result<T>>,
+{
+    let begun = Instant::now();
+    for number in 1.. {
+        match ask(client.clone()).await {
+            Err(error) if number < TRIES && begun.elapsed() < patience(&error) => {
+                tokio::time::sleep(Duration::from_millis(200) * number * number).await;
+            }
+            done => return done,
+        }
+    }
+    unreachable!("the numbers do not end")
 }
 
 /// A bucket, and a prefix of names in it.
@@ -146,20 +166,26 @@ impl Bucket {
     where
         F: Future<Output = object_store::Result<T>>,
     {
-        let client = self.client()?;
-        let begun = Instant::now();
-        let asking = async {
-            for number in 1.. {
-                match ask(client.clone()).await {
-                    Err(error) if number < TRIES && begun.elapsed() < patience(&error) => {
-                        tokio::time::sleep(Duration::from_millis(200) * number * number).await;
-                    }
-                    done => return done,
-                }
-            }
-            unreachable!("the numbers do not end")
-        };
+        let asking = again_where_it_broke_off(self.client()?, ask);
         runtime()?.block_on(asking).map_err(|error| refusal(address, action, &error))
+    }
+
+    /// Begins to do something with the store, as [`ask`](Self::ask) does it.
+    pub(super) fn begin<T, F>(
+        &self,
+        ask: impl Fn(Arc<AmazonS3>) -> F + Send + Sync + 'static,
+    ) -> Result<JoinHandle<object_store::Result<T>>>
+    where
+        F: Future<Output = object_store::Result<T>> + Send + 'static,
+        T: Send + 'static,
+    {
+        Ok(runtime()?.spawn(again_where_it_broke_off(self.client()?, ask)))
+    }
+
+    /// Waits for what was begun.
+    pub(super) fn end<T>(&self, begun: JoinHandle<object_store::Result<T>>, address: &str, action: &str) -> Result<T> {
+        let ended = runtime()?.block_on(begun).map_err(|e| Error::io(address, action)(io::Error::other(e)))?;
+        ended.map_err(|error| refusal(address, action, &error))
     }
 
     pub(super) fn names(&self, beginning: &str) -> Result<Vec<String>> {

@@ -8,5 +8,7 @@ mod spill;
 pub(crate) use records::Records;
 pub(crate) use shard::ShardSet;
 #[cfg(feature = "scene")]
-pub(crate) use shard::{EXTENSION, Shard, ShardHead, hex, plan_prefix, range_prefix};
-pub(crate) use spill::{DENOISED, GATHERED, files_of_pack, open_spill, remove_leftovers, stop_if_interrupted};
+pub(crate) use shard::{Opener, Shard, ShardContent, ShardHead, hex, plan_prefix, range_prefix};
+pub(crate) use spill::{
+    DENOISED, GATHERED, GATHERED_PARTS, files_of_pack, open_spill, remove_leftovers, stop_if_interrupted,
+};

@@ -6,9 +6,11 @@ use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::resources::Progress;
 
-const MARK: [u8; 8] = *b"LTMspil2";
+const MARK: [u8; 8] = *b"LTMspil3";
 /// Suffixes of the files of gathered planes and of denoised images.
 pub(crate) const GATHERED: &str = ".planes";
+/// Records of each block in the first of them.
+pub(crate) const GATHERED_PARTS: u32 = 4;
 /// See [`GATHERED`].
 pub(crate) const DENOISED: &str = ".clean";
 
@@ -27,20 +29,15 @@ pub(crate) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
 ///
 /// # Errors
 /// Those of [`ContinuationFile::open`].
-pub(crate) fn open_spill(
-    result: &Path,
-    fingerprint: [u8; 32],
-    blocks: u32,
-    overwrite: bool,
-) -> Result<ContinuationFile> {
-    ContinuationFile::open(&spill_path(result), MARK, fingerprint, blocks, overwrite)
+pub(crate) fn open_spill(result: &Path, fingerprint: [u8; 32], keys: u32, overwrite: bool) -> Result<ContinuationFile> {
+    ContinuationFile::open(&spill_path(result), MARK, fingerprint, keys, overwrite)
 }
 
 /// Removes what a pack into `path` of so many blocks left beside it when it was killed after its last step.
 pub(crate) fn remove_leftovers(path: &Path, blocks: u32) {
-    for name in ["", GATHERED, DENOISED] {
+    for (name, parts) in [("", 1), (GATHERED, GATHERED_PARTS), (DENOISED, 1)] {
         let left = spill_path(&with_suffix(path, name));
-        ContinuationFile::remove_leftover(&left, MARK, blocks, path);
+        ContinuationFile::remove_leftover(&left, MARK, parts * blocks, path);
     }
 }
 

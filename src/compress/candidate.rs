@@ -5,7 +5,7 @@ use super::Replaced;
 use crate::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry};
 
 /// Magic bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
-const MAGIC: [u8; 4] = *b"cnd4";
+const MAGIC: [u8; 4] = *b"cnd5";
 
 /// Number of bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
 pub(super) const GAIN_BINS: usize = 160;
@@ -109,21 +109,11 @@ impl Candidate {
 
     /// Encodes it, in the machine's byte order, for a spill file that the same program reads back.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let s = &self.summary;
-        let mut out = Vec::with_capacity(64 + 4 * (self.left.len() + self.right.len()) + 16 * self.sparse.len());
+        let mut out = Vec::with_capacity(1024 + 4 * (self.left.len() + self.right.len()) + 16 * self.sparse.len());
         out.extend(MAGIC);
-        let first = s.replaced.first.map_or([u32::MAX; 2], |(c, r)| [c.0, r]);
-        let bins = s.histogram.len() as u32;
-        let counts = [self.rank() as u32, self.sparse.len() as u32, u32::from(s.fixed), bins];
-        for v in [self.id.0, s.rows, s.columns, s.replaced.nan, s.replaced.huge].into_iter().chain(first).chain(counts)
-        {
-            out.extend(v.to_ne_bytes());
-        }
-        out.extend_from_slice(bytemuck::cast_slice(&s.histogram));
-        out.extend_from_slice(bytemuck::cast_slice(&[s.tail, s.brightness, s.noise_quartile_ratio, s.noise_energy]));
-        for list in
-            [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain]
-        {
+        out.extend_from_slice(bytemuck::cast_slice(&[self.id.0, self.sparse.len() as u32]));
+        self.summary.append_to(&mut out);
+        for list in [&self.left, &self.right, &self.sparse_gain] {
             out.extend_from_slice(bytemuck::cast_slice(list));
         }
         for entry in &self.sparse {
@@ -137,55 +127,121 @@ impl Candidate {
     /// # Errors
     /// As text for the caller to place: bytes that are not a candidate, cut short, or too many.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let short = || "a spilled candidate is cut short".to_owned();
         let rest = bytes.strip_prefix(&MAGIC).ok_or("this is not a spilled candidate")?;
-        let words: Vec<u32> = rest.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
-        let mut words = words.as_slice();
-        let mut take = |count: usize| -> Result<&[u32], String> {
-            let (taken, left) = words.split_at_checked(count).ok_or_else(short)?;
-            words = left;
-            Ok(taken)
-        };
-        let &[id, rows, columns, nan, huge, first_column, first_row, rank, sparse_count, fixed, bins] = take(11)?
-        else {
-            return Err(short());
-        };
-        let floats = |words: &[u32]| words.iter().map(|&w| f32::from_bits(w)).collect::<Vec<f32>>();
-        let size = |a: u32, b: u32| (a as usize).checked_mul(b as usize).ok_or_else(short);
-        let histogram = take(bins as usize)?.to_vec();
-        let scalars = floats(take(4)?);
-        let gains = floats(take(rank as usize)?);
-        let noise = floats(take(rank as usize)?);
-        let fitted_noise = floats(take(rank as usize)?);
-        let right_mean_square = floats(take(rank as usize)?);
-        let left = floats(take(size(rows, rank)?)?);
-        let right = floats(take(size(columns, rank)?)?);
-        let sparse_gain = floats(take(sparse_count as usize)?);
-        let entries = take(size(sparse_count, 3)?)?.chunks_exact(3);
+        let mut words = Words::of(rest)?;
+        let &[id, sparse_count] = words.take(2)? else { return Err(Words::short()) };
+        let summary = CandidateSummary::of_words(&mut words)?;
+        let size = |a: u32, b: usize| (a as usize).checked_mul(b).ok_or_else(Words::short);
+        let rank = summary.gains.len();
+        let left = words.floats(size(summary.rows, rank)?)?;
+        let right = words.floats(size(summary.columns, rank)?)?;
+        let sparse_gain = words.floats(sparse_count as usize)?;
+        let entries = words.take(size(sparse_count, 3)?)?.chunks_exact(3);
         let sparse = entries
             .map(|e| SparseEntry { column: ColumnIndex(e[0]), row: e[1], value: f32::from_bits(e[2]) })
             .collect();
-        if !take(1).is_err_and(|_| rest.len() % 4 == 0) {
-            return Err("a spilled candidate has trailing bytes".into());
+        words.end()?;
+        Ok(Self { id: BlockId(id), summary, left, right, sparse, sparse_gain })
+    }
+}
+
+impl CandidateSummary {
+    /// Encodes it, in the machine's byte order, for the same program on another machine.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut out = Vec::new();
+        self.append_to(&mut out);
+        out
+    }
+
+    /// Decodes what [`to_bytes`](Self::to_bytes) wrote.
+    ///
+    /// # Errors
+    /// As text for the caller to place: bytes that are not a summary, cut short, or too many.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let mut words = Words::of(bytes)?;
+        let summary = Self::of_words(&mut words)?;
+        words.end()?;
+        Ok(summary)
+    }
+
+    fn append_to(&self, out: &mut Vec<u8>) {
+        let first = self.replaced.first.map_or([u32::MAX; 2], |(c, r)| [c.0, r]);
+        let [rank, bins, gains] = [self.gains.len(), self.histogram.len(), self.sparse_gains.len()].map(|n| n as u32);
+        let numbers = [self.rows, self.columns, u32::from(self.fixed), self.replaced.nan, self.replaced.huge];
+        for numbers in [&numbers[..], &first, &[rank, bins, gains], &self.histogram] {
+            out.extend_from_slice(bytemuck::cast_slice(numbers));
         }
-        let first = (first_column != u32::MAX).then_some((ColumnIndex(first_column), first_row));
-        let summary = CandidateSummary {
+        let scalars = [self.tail, self.brightness, self.noise_quartile_ratio, self.noise_energy];
+        for list in [&scalars[..], &self.gains, &self.noise, &self.fitted_noise, &self.right_mean_square] {
+            out.extend_from_slice(bytemuck::cast_slice(list));
+        }
+        for (sum, count) in &self.sparse_gains {
+            out.extend_from_slice(bytemuck::cast_slice(&[sum.to_bits(), *count]));
+        }
+    }
+
+    fn of_words(words: &mut Words) -> Result<Self, String> {
+        let &[rows, columns, fixed, nan, huge, first_column, first_row, rank, bins, gains] = words.take(10)? else {
+            return Err(Words::short());
+        };
+        let (rank, first) = (rank as usize, (ColumnIndex(first_column), first_row));
+        let histogram = words.take(bins as usize)?.to_vec();
+        let scalars = words.floats(4)?;
+        let mut list = || words.floats(rank);
+        let (gain_list, noise, fitted_noise, right_mean_square) = (list()?, list()?, list()?, list()?);
+        let pairs = words.take((gains as usize).checked_mul(2).ok_or_else(Words::short)?)?.chunks_exact(2);
+        Ok(Self {
             rows,
             columns,
             fixed: fixed != 0,
-            gains,
+            gains: gain_list,
             noise,
             fitted_noise,
             right_mean_square,
             tail: scalars[0],
-            sparse_gains: gain_bins(&sparse_gain),
+            sparse_gains: pairs.map(|pair| (f32::from_bits(pair[0]), pair[1])).collect(),
             brightness: scalars[1],
             noise_quartile_ratio: scalars[2],
             noise_energy: scalars[3],
             histogram,
-            replaced: Replaced { nan, huge, first },
-        };
-        Ok(Self { id: BlockId(id), summary, left, right, sparse, sparse_gain })
+            replaced: Replaced { nan, huge, first: (first_column != u32::MAX).then_some(first) },
+        })
+    }
+}
+
+/// Words of encoded bytes, taken from the front.
+struct Words {
+    words: Vec<u32>,
+    taken: usize,
+}
+
+impl Words {
+    fn of(bytes: &[u8]) -> Result<Self, String> {
+        match bytes.len() % 4 {
+            0 => Ok(Self { words: bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect(), taken: 0 }),
+            _ => Err(Self::short()),
+        }
+    }
+
+    fn short() -> String {
+        "a spilled candidate is cut short".to_owned()
+    }
+
+    fn take(&mut self, count: usize) -> Result<&[u32], String> {
+        let taken = self.words[self.taken..].get(..count).ok_or_else(Self::short)?;
+        self.taken += count;
+        Ok(taken)
+    }
+
+    fn floats(&mut self, count: usize) -> Result<Vec<f32>, String> {
+        Ok(self.take(count)?.iter().map(|&word| f32::from_bits(word)).collect())
+    }
+
+    fn end(&self) -> Result<(), String> {
+        match self.taken == self.words.len() {
+            true => Ok(()),
+            false => Err("a spilled candidate has trailing bytes".to_owned()),
+        }
     }
 }
 

@@ -57,6 +57,30 @@ impl LightErrorSums {
         add(&mut sums.all_on[1], block.all_on.1);
     }
 
+    /// All sums so far: of each column, then with all lights on, then whether the noise is known.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let sums = self.lock();
+        let values = sums.columns.iter().flatten().chain(&sums.all_on);
+        values.flat_map(|sum| sum.to_le_bytes()).chain([u8::from(sums.noise_known)]).collect()
+    }
+
+    /// Adds sums of other blocks in the same unit, as [`to_bytes`](Self::to_bytes) gave them; `None` if they are not of as many
+    /// columns.
+    pub fn add_bytes(&self, bytes: &[u8]) -> Option<()> {
+        let mut sums = self.lock();
+        let (&noise_known, values) = bytes.split_last()?;
+        let (values, rest) = values.as_chunks::<{ size_of::<i128>() }>();
+        if values.len() != 3 * sums.columns.len() + 2 || !rest.is_empty() {
+            return None;
+        }
+        let LightSums { columns, all_on, noise_known: known } = &mut *sums;
+        for (sum, value) in columns.iter_mut().flatten().chain(all_on).zip(values) {
+            *sum = sum.saturating_add(i128::from_le_bytes(*value));
+        }
+        *known &= noise_known == 1;
+        Some(())
+    }
+
     /// The errors over all blocks. `prior` is the expected error under the prior.
     pub fn errors(&self, prior: f64) -> LightErrors {
         let sums = self.lock();

@@ -140,6 +140,11 @@ impl CompressorPlan {
         self.weights.prior()
     }
 
+    /// The shape of the matrix.
+    pub fn shape(&self) -> MatrixShape {
+        self.shape
+    }
+
     /// The settings it was made with.
     pub fn settings(&self) -> &CompressSettings {
         &self.settings

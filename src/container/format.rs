@@ -20,7 +20,7 @@ pub(super) const BLOCK_RECORD_BYTES: usize = 32;
 /// Bytes of a layer's record in the index.
 pub(super) const LAYER_RECORD_BYTES: usize = 16;
 /// Most layers of a block.
-pub(super) const MAX_LAYERS: usize = 16;
+pub(crate) const MAX_LAYERS: usize = 16;
 
 fn check_version(version: u32) -> Result<(), String> {
     match version {

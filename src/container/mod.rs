@@ -26,6 +26,7 @@
 
 #[doc(hidden)]
 pub mod codec;
+mod encoder;
 mod format;
 mod index;
 mod layers;
@@ -37,9 +38,14 @@ mod report;
 mod spill;
 mod writer;
 
+pub use encoder::{BlockEncoder, EncodedBlock, EncodedSize};
 pub use format::FORMAT_VERSION;
+#[cfg(feature = "scene")]
+pub(crate) use format::MAX_LAYERS;
 pub use layout::{BlockLayout, LightLayout, LightPlane};
 pub use merge::merge;
 pub use reader::{BlockFault, ContainerReader, Verification, verify};
 pub use report::ContainerReport;
-pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize, WrittenBlock};
+pub use writer::{
+    ContainerOptions, ContainerSummary, ContainerWriter, WrittenBlock, overhead_bytes, write_encoded_blocks,
+};

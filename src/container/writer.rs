@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::codec::CodecSettings;
+use super::encoder::{BlockEncoder, EncodedBlock, EncodedSize};
 use super::format::{
     BLOCK_RECORD_BYTES, BlockRecord, ContainerHeader, FORMAT_VERSION, HEADER_BYTES, LAYER_RECORD_BYTES, LayerRecord,
     TRAILER_BYTES, Trailer,
 };
-use super::layers::{encode_layers, join_layers};
-use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
 use super::report::ContainerReport;
 use super::spill::Spill;
@@ -41,14 +40,6 @@ pub struct ContainerOptions {
     pub partial: bool,
 }
 
-/// A block as bytes, and what can be said of them.
-#[derive(Clone, Debug, Default)]
-pub struct EncodedBlock {
-    pub(super) layers: Vec<Vec<u8>>,
-    rank: usize,
-    sparse_entries: usize,
-}
-
 /// Statistics of a written block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrittenBlock {
@@ -58,20 +49,6 @@ pub struct WrittenBlock {
     pub sparse_entries: usize,
     /// Its error and noise, rounded to f32.
     pub report: BlockReport,
-}
-
-/// Bytes of an encoded block.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct EncodedSize {
-    /// Bytes of each layer, the base layer first.
-    pub layer_bytes: Vec<usize>,
-}
-
-impl EncodedSize {
-    /// Bytes of all layers.
-    pub fn bytes(&self) -> usize {
-        self.layer_bytes.iter().sum()
-    }
 }
 
 /// Result of [`ContainerWriter::finish`].
@@ -104,7 +81,7 @@ pub struct ContainerSummary {
 pub struct ContainerWriter {
     path: PathBuf,
     job: Job,
-    lights: LightLayout,
+    encoder: BlockEncoder,
     options: ContainerOptions,
     errors: StatedErrors,
     spill: Spill,
@@ -126,8 +103,8 @@ impl ContainerWriter {
             return Err(error);
         }
         let spill = Spill::open(path, fingerprint, blocks, options.overwrite)?;
-        let lights = LightLayout::of(&job.basis);
-        Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, errors: StatedErrors::default(), spill })
+        let encoder = BlockEncoder::new(job, options.codec.clone());
+        Ok(Self { path: path.to_owned(), job: job.clone(), encoder, options, errors: StatedErrors::default(), spill })
     }
 
     /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them; those of
@@ -164,24 +141,12 @@ impl ContainerWriter {
     /// # Errors
     /// As [`encode`](Self::encode).
     pub fn encode_divided(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
-        let layout = self.layout(id);
-        if block.rows != layout.rows() || block.columns != layout.columns() || !block.is_consistent() {
-            let problem = format!(
-                "its factors of {} rows × rank {} × {} columns do not fit the job's {} × {}",
-                block.rows,
-                block.rank(),
-                block.columns,
-                layout.rows(),
-                layout.columns()
-            );
-            return Err(Error::input(id.to_string(), problem, ""));
-        }
-        if block.rank() == 0 && block.sparse.is_empty() {
-            return Ok(EncodedBlock::default());
-        }
-        let layers = encode_layers(&layout, block, &self.options.codec)
-            .map_err(|problem| Error::input(id.to_string(), problem, "compress it again with finite values"))?;
-        Ok(EncodedBlock { layers, rank: block.rank(), sparse_entries: block.sparse.len() })
+        self.encoder.encode_divided(id, block)
+    }
+
+    /// What encodes its blocks.
+    pub fn encoder(&self) -> &BlockEncoder {
+        &self.encoder
     }
 
     /// Takes scales of columns that were not known when the writer was made, before any block is encoded.
@@ -192,34 +157,13 @@ impl ContainerWriter {
         self.job.basis.set_column_scales(scales.to_vec())
     }
 
-    /// What a reader will get of an encoded block, but for the scales of its columns.
-    ///
-    /// # Errors
-    /// The bytes are not a block of this container.
-    pub fn decode(&self, id: BlockId, block: &EncodedBlock) -> Result<FactoredBlock> {
-        let layout = self.layout(id);
-        let chunks = block.layers.iter().map(|layer| Ok(layer.as_slice()));
-        join_layers(&layout, chunks, None).map_err(|problem: String| Error::input(id.to_string(), problem, ""))
-    }
-
     /// Writes an encoded block. A block may be written again; the last one counts.
     ///
     /// # Errors
     /// A block that is larger than the format can say; the system refuses to write.
     pub fn write_encoded(&self, id: BlockId, block: &EncodedBlock, report: &BlockReport) -> Result<EncodedSize> {
-        let too_large = || {
-            let problem =
-                format!("rank {} with {} sparse entries does not fit a record", block.rank, block.sparse_entries);
-            Error::input(id.to_string(), problem, "compress it to a lower rank, or take smaller blocks")
-        };
-        let record = BlockRecord {
-            first_layer: 0,
-            layers: block.layers.len() as u8,
-            present: true,
-            rank: block.rank.try_into().map_err(|_| too_large())?,
-            sparse_entries: block.sparse_entries.try_into().map_err(|_| too_large())?,
-            report: *report,
-        };
+        let written = WrittenBlock { rank: block.rank, sparse_entries: block.sparse_entries, report: *report };
+        let record = record_of(id, &written, block.layers.len())?;
         self.spill.append(id, record, &block.layers)?;
         Ok(block.size())
     }
@@ -230,17 +174,6 @@ impl ContainerWriter {
     /// A value that is not finite; as [`write_encoded`](Self::write_encoded).
     pub fn write_block(&self, id: BlockId, block: &FactoredBlock, report: &BlockReport) -> Result<EncodedSize> {
         self.write_encoded(id, &self.encode(id, block)?, report)
-    }
-
-    /// Bytes at most of the finished file beside its chunks, if all blocks together have so many layers.
-    pub fn overhead_bytes(&self, layers: u64) -> u64 {
-        let lights = self.job.basis.lights().len() as u64;
-        let metadata = metadata::encode(&self.job, &self.options.report, &StatedErrors::default()).len() as u64
-            + ERRORS_BYTES
-            + LIGHT_ERRORS_BYTES * lights;
-        let blocks = u64::from(self.job.shape.block_count());
-        let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
-        (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + records
     }
 
     /// Assembles the file and gives it its final name.
@@ -268,22 +201,54 @@ impl ContainerWriter {
         self.spill.remove()?;
         Ok(summary)
     }
-
-    fn layout(&self, id: BlockId) -> BlockLayout {
-        BlockLayout::new(self.job.shape.rect(id), self.lights.clone())
-    }
 }
 
-impl EncodedBlock {
-    /// The bytes of each layer, the base layer first.
-    pub fn layers(&self) -> &[Vec<u8>] {
-        &self.layers
-    }
+/// The record of a block of so many layers.
+///
+/// # Errors
+/// It is larger than the format can say.
+fn record_of(id: BlockId, written: &WrittenBlock, layers: usize) -> Result<BlockRecord> {
+    let WrittenBlock { rank, sparse_entries, report } = *written;
+    let too_large = || {
+        let problem = format!("rank {rank} with {sparse_entries} sparse entries does not fit a record");
+        Error::input(id.to_string(), problem, "compress it to a lower rank, or take smaller blocks")
+    };
+    Ok(BlockRecord {
+        first_layer: 0,
+        layers: layers as u8,
+        present: true,
+        rank: rank.try_into().map_err(|_| too_large())?,
+        sparse_entries: sparse_entries.try_into().map_err(|_| too_large())?,
+        report,
+    })
+}
 
-    /// Bytes of its layers.
-    pub fn size(&self) -> EncodedSize {
-        EncodedSize { layer_bytes: self.layers.iter().map(Vec::len).collect() }
-    }
+/// Bytes at most of a file of a job with such a report beside its chunks, if all blocks together have so many layers.
+pub fn overhead_bytes(job: &Job, report: &ContainerReport, layers: u64) -> u64 {
+    let lights = job.basis.lights().len() as u64;
+    let metadata = metadata::encode(job, report, &StatedErrors::default()).len() as u64;
+    let errors = ERRORS_BYTES + LIGHT_ERRORS_BYTES * lights;
+    let blocks = u64::from(job.shape.block_count());
+    let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
+    (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + errors + records
+}
+
+/// Writes a container of blocks that were encoded elsewhere: for each of the job's blocks, in order, what is known of it and the number
+/// of its layers. `chunk` gives the bytes of a layer. The file is that of a [`ContainerWriter`] of the same blocks.
+///
+/// # Errors
+/// A block that is larger than the format can say; the file exists and may not be replaced; those of `chunk`; the system refuses.
+pub fn write_encoded_blocks(
+    path: &Path,
+    job: &Job,
+    options: &ContainerOptions,
+    errors: &StatedErrors,
+    blocks: &[(WrittenBlock, usize)],
+    chunk: impl Fn(BlockId, usize) -> Result<Vec<u8>>,
+) -> Result<ContainerSummary> {
+    let records = blocks.iter().zip(job.shape.blocks()).map(|((written, layers), id)| record_of(id, written, *layers));
+    let about = About { job, report: &options.report, errors };
+    assemble(path, options.overwrite, about, records.collect::<Result<_>>()?, chunk)
 }
 
 /// What a container says beside its blocks.

@@ -10,7 +10,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::{Denoiser, DenoiserRows, GuideStatistics, TILE, tile_means};
-use crate::block_records::{Records, stop_if_interrupted};
+use crate::block_records::{GATHERED_PARTS, Records, stop_if_interrupted};
 use crate::compress::{ClusterMap, ClusterResidual, CompressSettings, Compressor, CompressorPlan};
 use crate::error::{Error, Hint, Result};
 use crate::light::{Clusters, Job};
@@ -19,6 +19,13 @@ use crate::matrix::{
     decode_unsigned, encode_unsigned,
 };
 use crate::resources::{JobStage, Progress, Threads};
+
+/// The parts of a block's inputs, each a record of its own, since they are needed at different times: planes by the filter; tiles by
+/// the fit of columns; what a block is spread with; and the mean of the tiles' light, by which errors of tiles are weighed.
+const PLANES: u32 = 0;
+const TILES: u32 = 1;
+const SPREADING: u32 = 2;
+const LIGHT: u32 = GATHERED_PARTS - 1;
 
 /// The denoiser's inputs from one block.
 struct BlockInputs {
@@ -149,9 +156,10 @@ impl DenoiseInputs {
     ) -> Result<u64> {
         stop_if_interrupted(&self.path, watch)?;
         let rect = self.shape.rect(id);
-        if self.records.has(id.0) {
+        if self.has(id) {
             if let Some(tally) = tally {
-                add_to(tally, &self.read(id)?.planes);
+                let bytes = self.records.read(self.key(PLANES, id))?;
+                add_to(tally, &self.planes(id, &bytes)?.decode(rect.pixels(), self.clusters));
             }
             return Ok(0);
         }
@@ -165,7 +173,11 @@ impl DenoiseInputs {
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let contrasts = self.contrasts_of(id, block, &planes.emission);
         let gathered = BlockInputs { planes, tiles, contrasts };
-        self.records.append(id.0, &[&encode(&gathered)])?;
+        let light = light_of(&gathered.tiles);
+        // The last that is written says that all are there.
+        for (part, bytes) in encode(&gathered).iter().map(Vec::as_slice).chain([&light.to_ne_bytes()[..]]).enumerate() {
+            self.records.append(self.key(part as u32, id), &[bytes])?;
+        }
         if let Some(tally) = tally {
             add_to(tally, &gathered.planes);
         }
@@ -192,7 +204,8 @@ impl DenoiseInputs {
         let blocks = |begin: u32, size: u32| begin / side..(begin + size).div_ceil(side);
         let part = PixelRect { y: whole.y + wanted.start as u32, height: wanted.len() as u32, ..whole };
         let rows: Vec<u32> = blocks(part.y, part.height).collect();
-        let borders: Vec<usize> = rows.iter().map(|row| (row * side).saturating_sub(whole.y) as usize).collect();
+        let border = |row: &u32| ((row * side).saturating_sub(whole.y) as usize).max(wanted.start);
+        let borders: Vec<usize> = rows.iter().map(border).collect();
         let columns = blocks(whole.x, whole.width);
         let strips = rows.iter().zip(denoising.strips(wanted, &borders));
         let mut parts: Vec<_> = strips.map(|(row, strip)| (*row, columns.clone(), strip)).collect();
@@ -201,8 +214,8 @@ impl DenoiseInputs {
                 let mut bytes = Vec::new();
                 for column in columns {
                     let id = BlockId(*row * self.shape.blocks_across() + column);
-                    self.records.read_into(id.0, &mut bytes)?;
-                    self.parts(id, &bytes)?.put(self.shape.rect(id), part, self.clusters, strip);
+                    self.records.read_into(self.key(PLANES, id), &mut bytes)?;
+                    self.planes(id, &bytes)?.put(self.shape.rect(id), part, self.clusters, strip);
                 }
                 Ok(())
             })?;
@@ -210,24 +223,59 @@ impl DenoiseInputs {
         Ok(())
     }
 
-    fn read(&self, id: BlockId) -> Result<BlockInputs> {
-        let bytes = self.records.read(id.0)?;
-        Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
+    /// Key of a part of a block's inputs.
+    fn key(&self, part: u32, id: BlockId) -> u32 {
+        part * self.shape.block_count() + id.0
     }
 
-    /// The parts of a block's record.
-    pub(crate) fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<EncodedInputs<'a>> {
-        let rect = self.shape.rect(id);
-        let tiles = tile_values(self.shape, rect, self.clusters as u64);
-        let parts = EncodedInputs::of(bytes, rect.pixels(), self.clusters, tiles);
-        parts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))
+    /// Whether the inputs of a block are there.
+    pub(crate) fn has(&self, id: BlockId) -> bool {
+        self.records.has(self.key(LIGHT, id))
+    }
+
+    fn planes<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<EncodedPlanes<'a>> {
+        let parts = EncodedPlanes::of(bytes, self.shape.rect(id).pixels(), self.clusters);
+        parts.ok_or_else(|| self.records.damaged(self.key(PLANES, id), "it is cut short"))
+    }
+
+    /// Means of tiles of all columns of a block, see [`BlockInputs::tiles`].
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub(crate) fn tiles(&self, id: BlockId) -> Result<Vec<f32>> {
+        let bytes = self.records.read(self.key(TILES, id))?;
+        let tiles: Vec<f32> =
+            bytes.as_chunks::<2>().0.iter().map(|bytes| decode_unsigned(u16::from_ne_bytes(*bytes))).collect();
+        match tiles.len() == tile_values(self.shape, self.shape.rect(id), self.clusters as u64) {
+            true => Ok(tiles),
+            false => Err(self.records.damaged(self.key(TILES, id), "it is cut short")),
+        }
+    }
+
+    /// Sum of the tiles of all columns of a block.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn light(&self, id: BlockId) -> Result<f64> {
+        let bytes = self.records.read(self.key(LIGHT, id))?;
+        let light = bytes.first_chunk::<8>().map(|bytes| f64::from_ne_bytes(*bytes));
+        light.ok_or_else(|| self.records.damaged(self.key(LIGHT, id), "it is cut short"))
+    }
+
+    /// What a block is spread with beside its images.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn spreading(&self, id: BlockId) -> Result<Spreading> {
+        let bytes = self.records.read(self.key(SPREADING, id))?;
+        Spreading::of(&bytes).ok_or_else(|| self.records.damaged(self.key(SPREADING, id), "it is cut short"))
     }
 
     /// Makes a block of the images of its clusters, see [`Compressor::spread`].
     pub(crate) fn spread(
         &self,
         id: BlockId,
-        parts: &EncodedInputs<'_>,
+        spreading: &Spreading,
         images: Vec<f32>,
         map: ClusterMap<'_>,
         block: &mut Block,
@@ -237,13 +285,13 @@ impl DenoiseInputs {
             block.entries_mut().copy_from_slice(&images);
             return Ok(());
         };
-        let contrasts = ClusterResidual::from_bytes(parts.contrasts);
-        let contrasts = contrasts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))?;
+        let contrasts = ClusterResidual::from_bytes(&spreading.contrasts);
+        let contrasts = contrasts.ok_or_else(|| self.records.damaged(self.key(SPREADING, id), "it is cut short"))?;
         compressor.spread(images, &contrasts, map, block);
         Ok(())
     }
 
-    /// See [`Gathered::contrasts`].
+    /// See [`BlockInputs::contrasts`].
     fn contrasts_of(&self, id: BlockId, block: &mut TracedBlock, emission: &[SeenEmission]) -> Vec<u8> {
         let Some(compressor) = &self.compressor else { return Vec::new() };
         let (candidate, _) = compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), emission);
@@ -285,52 +333,65 @@ pub(crate) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) ->
     CHANNELS * shape.columns() * tiles(rect.width) * tiles(rect.height)
 }
 
-/// Encodes the inputs of a block for the file: light and variances as tracing rounds them, the rest unchanged.
-fn encode(BlockInputs { planes, tiles, contrasts }: &BlockInputs) -> Vec<u8> {
+/// What stands for a tile that is no number, and is none when it is decoded.
+const NO_NUMBER: u16 = u16::MAX;
+
+/// Encodes the parts of a block's inputs but the last: light and variances as tracing rounds them, the means of tiles in the same way,
+/// which are as many bytes as all else together where there are many columns, and the rest unchanged.
+fn encode(BlockInputs { planes, tiles, contrasts }: &BlockInputs) -> [Vec<u8>; LIGHT as usize] {
     let light = || planes.direct.iter().chain(&planes.indirect).chain([&planes.feature_variance]);
     let halves = 2 * light().map(Vec::len).sum::<usize>();
-    let emission: &[u8] = bytemuck::cast_slice(&planes.emission);
-    let rest = 4 * planes.features.len() + 4 * tiles.len() + size_of::<u64>() + emission.len() + contrasts.len();
-    let mut bytes = Vec::with_capacity(halves + rest);
-    bytes.resize(halves, 0);
-    for (bytes, value) in bytes.chunks_exact_mut(2).zip(light().flatten()) {
+    let mut of_planes = Vec::with_capacity(halves + 4 * planes.features.len());
+    of_planes.resize(halves, 0);
+    for (bytes, value) in of_planes.chunks_exact_mut(2).zip(light().flatten()) {
         bytes.copy_from_slice(&encode_unsigned(*value).to_ne_bytes());
     }
-    bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
-    bytes.extend_from_slice(bytemuck::cast_slice(tiles));
-    bytes.extend((emission.len() as u64).to_ne_bytes());
-    bytes.extend_from_slice(emission);
-    bytes.extend_from_slice(contrasts);
-    bytes
+    of_planes.extend_from_slice(bytemuck::cast_slice(&planes.features));
+    let emission: &[u8] = bytemuck::cast_slice(&planes.emission);
+    let spreading = [&(emission.len() as u64).to_ne_bytes()[..], emission, contrasts].concat();
+    let rounded = |tile: &f32| if tile.is_finite() { encode_unsigned(*tile) } else { NO_NUMBER };
+    let of_tiles = tiles.iter().flat_map(|tile| rounded(tile).to_ne_bytes()).collect();
+    [of_planes, of_tiles, spreading]
+}
+
+/// Sum of the light of tiles, without those that are no number.
+fn light_of(tiles: &[f32]) -> f64 {
+    tiles.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).sum()
 }
 
 fn add_to(tally: &mut GuideStatistics, planes: &BlockPlanes) {
     tally.add(planes.direct.each_ref().map(Vec::as_slice), planes.indirect.each_ref().map(Vec::as_slice));
 }
 
-/// The denoiser's inputs from one block, as encoded in the file ([`encode`]).
-pub(crate) struct EncodedInputs<'a> {
+/// The planes of a block, as encoded in the file ([`encode`]).
+struct EncodedPlanes<'a> {
     halves: &'a [u8],
     features: &'a [u8],
-    pub(crate) tiles: &'a [u8],
-    emission: &'a [u8],
-    contrasts: &'a [u8],
 }
 
-impl<'a> EncodedInputs<'a> {
-    /// `None` if the bytes are too few.
-    fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
-        let light = pixels * CHANNELS * clusters;
-        let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
-        let (features, rest) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
-        let (tiles, rest) = rest.split_at_checked(4 * tiles)?;
-        let (length, rest) = rest.split_first_chunk::<8>()?;
-        let (emission, contrasts) = rest.split_at_checked(u64::from_ne_bytes(*length) as usize)?;
-        Some(Self { halves, features, tiles, emission, contrasts })
-    }
+/// What a block is spread with beside its images.
+pub(crate) struct Spreading {
+    /// The emitters in view.
+    pub(crate) emission: Vec<SeenEmission>,
+    contrasts: Vec<u8>,
+}
 
-    pub(crate) fn emission(&self) -> Vec<SeenEmission> {
-        self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
+impl Spreading {
+    /// `None` if the bytes are too few.
+    fn of(bytes: &[u8]) -> Option<Self> {
+        let (length, rest) = bytes.split_first_chunk::<8>()?;
+        let (emission, contrasts) = rest.split_at_checked(u64::from_ne_bytes(*length) as usize)?;
+        let emission = emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect();
+        Some(Self { emission, contrasts: contrasts.to_vec() })
+    }
+}
+
+impl<'a> EncodedPlanes<'a> {
+    /// `None` if the bytes are too few.
+    fn of(bytes: &'a [u8], pixels: usize, clusters: usize) -> Option<Self> {
+        let light = pixels * CHANNELS * clusters;
+        let (halves, features) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
+        (features.len() == 4 * FEATURE_PLANES * pixels).then_some(Self { halves, features })
     }
 
     /// Copies the part inside `whole` into the rows of a window.
@@ -347,18 +408,16 @@ impl<'a> EncodedInputs<'a> {
         place(self.features, placed, strip.features, FEATURE_PLANES, f32::from_ne_bytes);
     }
 
-    fn decode(&self, rect: PixelRect, clusters: usize) -> BlockInputs {
-        let light = rect.pixels() * CHANNELS * clusters;
+    /// The light of the planes, without features and emission.
+    fn decode(&self, pixels: usize, clusters: usize) -> BlockPlanes {
+        let light = pixels * CHANNELS * clusters;
         let mut values = self.halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
         let mut take = |count: usize| values.by_ref().take(count).collect::<Vec<f32>>();
-        let planes = BlockPlanes {
+        BlockPlanes {
             direct: [take(light), take(light)],
             indirect: [take(light), take(light)],
-            feature_variance: take(FEATURE_PLANES * rect.pixels()),
-            features: floats(self.features),
-            emission: self.emission(),
-        };
-        BlockInputs { planes, tiles: floats(self.tiles), contrasts: self.contrasts.to_vec() }
+            ..BlockPlanes::default()
+        }
     }
 }
 

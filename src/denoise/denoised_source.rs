@@ -15,6 +15,7 @@
 //!
 //! Nothing depends on the lighting, so images of `T̂` add up as those of `T` do.
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -22,15 +23,17 @@ use rayon::prelude::*;
 
 use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
 use super::external_images::ExternalImages;
+use super::picture_fit::{BlockSums, PictureFit, PictureSums, WindowSums, identity};
+use super::windows::{PictureWindows, windows_of};
 use super::{
     ColumnUpsampler, DenoisedRegion, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides,
     ImageOrigin, Pool, Region, tile_means,
 };
-use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, stop_if_interrupted};
+use crate::block_records::{DENOISED, GATHERED, GATHERED_PARTS, Records, ShardSet, open_spill, stop_if_interrupted};
 use crate::compress::{ClusterMap, CompressorPlan};
 use crate::error::{Error, Result};
-use crate::files::{ContinuationFile, with_suffix};
-use crate::light::{Clusters, DenoiseErrors, DenoisedLight, Job, Light, LightBasis, LightGroups, LightKind};
+use crate::files::with_suffix;
+use crate::light::{Clusters, Job, LightGroups, LightKind};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Threads};
 
@@ -64,8 +67,10 @@ pub(crate) struct DenoisedSource {
     groups: LightGroups,
     origin: ImageOrigin,
     gathering: DenoiseInputs,
-    images: ContinuationFile,
-    tally: GuideStatistics,
+    /// Denoised images, by the place of their block in `picture`.
+    images: Records,
+    picture: PictureWindows,
+    guides: Guides,
 }
 
 impl DenoisedSource {
@@ -110,7 +115,7 @@ impl DenoisedSource {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let pixels = job.shape.rows() / CHANNELS as u64;
         let tiles: u64 =
-            job.shape.blocks().map(|id| 4 * tile_values(job.shape, job.shape.rect(id), clusters) as u64).sum();
+            job.shape.blocks().map(|id| 2 * tile_values(job.shape, job.shape.rect(id), clusters) as u64).sum();
         let contrasts = u64::from(job.shape.block_count()) * DenoiseInputs::contrast_bytes(job);
         BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles + contrasts
     }
@@ -128,10 +133,11 @@ impl DenoisedSource {
         shards: Option<ShardSet>,
     ) -> Result<Self> {
         let shape = job.shape;
-        let open = |name| open_spill(&with_suffix(path, name), fingerprint, shape.block_count(), overwrite);
+        let blocks = shape.block_count();
+        let open = |name, keys| open_spill(&with_suffix(path, name), fingerprint, keys, overwrite);
         let records = match shards {
             Some(shards) => Records::Shards(shards),
-            None => Records::File(open(GATHERED)?),
+            None => Records::File(open(GATHERED, GATHERED_PARTS * blocks)?),
         };
         let clusters = Clusters::of_basis(&job.basis);
         let windows = windows_of(shape, (window_blocks(shape, clusters.count()), shape.blocks_down()));
@@ -140,8 +146,36 @@ impl DenoisedSource {
             path,
             Windows { blocks: windows, halo: reach_in(shape).halo() as u32 },
             records,
-            open(DENOISED)?,
+            Records::File(open(DENOISED, blocks)?),
         )
+    }
+
+    /// For one window of the picture, whose inputs and those around it `records` has, and which is denoised into `images`. `path` is
+    /// what both lie beside.
+    ///
+    /// # Errors
+    /// Those of the compressor.
+    #[cfg(feature = "scene")]
+    pub(crate) fn of_window(
+        job: &Job,
+        path: &Path,
+        places: &Range<u32>,
+        [records, images]: [Records; 2],
+        guides: Guides,
+    ) -> Result<Self> {
+        let window = PictureWindows::of(job.shape).blocks(places).to_vec();
+        let windows = Windows { blocks: vec![window], halo: reach_in(job.shape).halo() as u32 };
+        Ok(Self { guides, ..Self::over(job, path, windows, records, images)? })
+    }
+
+    /// For blocks whose inputs are in `records` and whose denoised images are in `images`, with what the picture says of all of them.
+    ///
+    /// # Errors
+    /// Those of the compressor.
+    #[cfg(feature = "scene")]
+    pub(crate) fn of_images(job: &Job, path: &Path, [records, images]: [Records; 2], map: Vec<f32>) -> Result<Self> {
+        let windows = Windows { blocks: Vec::new(), halo: 0 };
+        Ok(Self { map, ..Self::over(job, path, windows, records, images)? })
     }
 
     /// For windows of the image, each filtered as if the image ended at its border. The files are unlinked, so they
@@ -153,8 +187,9 @@ impl DenoisedSource {
         let folder =
             tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?;
         let (path, shape) = (folder.path().join("pilot"), job.shape);
-        let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
-        let (records, images) = (Records::File(open(GATHERED)?), open(DENOISED)?);
+        let blocks = shape.block_count();
+        let open = |name, keys| open_spill(&with_suffix(&path, name), job.hash().0, keys, false).map(Records::File);
+        let (records, images) = (open(GATHERED, GATHERED_PARTS * blocks)?, open(DENOISED, blocks)?);
         // Without their names the files live as long as they are open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
         Self::over(job, &path, Windows { blocks: windows, halo: 0 }, records, images)
@@ -165,16 +200,17 @@ impl DenoisedSource {
         path: &Path,
         Windows { blocks: windows, halo }: Windows,
         records: Records,
-        images: ContinuationFile,
+        images: Records,
     ) -> Result<Self> {
         let (shape, partition) = (job.shape, Clusters::of_basis(&job.basis));
         let clusters = partition.count();
         let gathering = DenoiseInputs::new(job, with_suffix(path, GATHERED), records)?;
-        let (map, tally) = (identity(clusters, shape.columns()), GuideStatistics::new(clusters));
+        let (map, guides) = (identity(clusters, shape.columns()), GuideStatistics::new(clusters).guides());
         let groups = LightGroups::of_basis(&job.basis, &partition);
         let is_imported = job.basis.lights().iter().any(|light| light.kind == LightKind::Image);
         let origin = if is_imported { ImageOrigin::Imported } else { ImageOrigin::Traced };
-        Ok(Self { shape, clusters, windows, halo, map, partition, groups, origin, gathering, images, tally })
+        let picture = PictureWindows::of(shape);
+        Ok(Self { shape, clusters, windows, halo, map, partition, groups, origin, gathering, images, picture, guides })
     }
 
     /// The blocks of all windows, ascending.
@@ -182,6 +218,12 @@ impl DenoisedSource {
         let mut blocks = self.windows.concat();
         blocks.sort_unstable();
         blocks
+    }
+
+    /// The denoised images that were made.
+    #[cfg(feature = "scene")]
+    pub(crate) fn into_images(self) -> Records {
+        self.images
     }
 
     /// Removes the files that it worked with.
@@ -203,8 +245,8 @@ impl DenoisedSource {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
         let blocks = self.blocks();
-        let blocks_kept = blocks.iter().filter(|&&id| self.gathering.records.has(id.0)).count() as u64;
-        self.tally = self.gathering.gather(&blocks, threads, stage, watch, make)?;
+        let blocks_kept = blocks.iter().filter(|&&id| self.gathering.has(id)).count() as u64;
+        self.guides = self.gathering.gather(&blocks, threads, stage, watch, make)?.guides();
         Ok(blocks_kept)
     }
 
@@ -213,15 +255,14 @@ impl DenoisedSource {
     /// # Errors
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
     pub(crate) fn filter(&self, threads: &Threads, watch: &dyn Progress) -> Result<()> {
-        let guides = &self.tally.guides();
         watch.begin("denoising", self.blocks().len() as u64, "blocks");
         let done = threads.run(|| -> Result<()> {
             let pool = Pool::default();
             for blocks in &self.windows {
-                if blocks.iter().all(|&id| self.images.has(id.0)) {
+                if blocks.iter().all(|&id| self.has_images(id)) {
                     watch.advance(blocks.len() as u64, 0, "px");
                 } else {
-                    self.filter_window(blocks, guides, &pool, watch)?;
+                    self.filter_window(blocks, &pool, watch)?;
                 }
             }
             Ok(())
@@ -230,18 +271,22 @@ impl DenoisedSource {
         done
     }
 
+    fn has_images(&self, id: BlockId) -> bool {
+        self.images.has(self.picture.place(id))
+    }
+
     /// Takes images that were denoised elsewhere, instead of filtering.
     ///
     /// # Errors
     /// Those of reading the images and of the disk.
     pub(crate) fn take(&self, basis: &ExternalImages, watch: &dyn Progress) -> Result<()> {
-        if self.shape.blocks().all(|id| self.images.has(id.0)) {
+        if self.shape.blocks().all(|id| self.has_images(id)) {
             return Ok(());
         }
         watch.begin("reading denoised images", u64::from(self.shape.block_count()), "blocks");
         let done = basis.read().and_then(|images| {
-            for id in self.shape.blocks().filter(|id| !self.images.has(id.0)) {
-                self.images.append(id.0, &[&images.bytes_of(self.shape.rect(id))])?;
+            for id in self.shape.blocks().filter(|&id| !self.has_images(id)) {
+                self.images.append(self.picture.place(id), &[&images.bytes_of(self.shape.rect(id))])?;
                 watch.advance(1, 0, "px");
             }
             Ok(())
@@ -251,16 +296,9 @@ impl DenoisedSource {
     }
 
     /// Filters the blocks of one window, from the top down.
-    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool, watch: &dyn Progress) -> Result<()> {
-        let rects = || blocks.iter().map(|&id| self.shape.rect(id));
-        let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
-        let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
-        let halo = self.halo;
-        let (left, top) = (across.start.saturating_sub(halo), down.start.saturating_sub(halo));
-        let (right, bottom) = ((across.end + halo).min(self.shape.width()), (down.end + halo).min(self.shape.height()));
-        let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
-        let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
-        let region = Region { x: within(across, left), y: within(down, top) };
+    fn filter_window(&self, blocks: &[BlockId], pool: &Pool, watch: &dyn Progress) -> Result<()> {
+        let (whole, region) = with_halo(self.shape, blocks, self.halo);
+        let top = whole.y;
         let part = DenoisedRegion {
             size: (whole.width as usize, whole.height as usize),
             block: self.shape.block_side() as usize,
@@ -269,7 +307,7 @@ impl DenoisedSource {
             groups: self.groups.of_cluster().to_vec(),
             origin: self.origin,
         };
-        let mut denoising = Denoiser::new(part, reach_in(self.shape), guides, pool);
+        let mut denoising = Denoiser::new(part, reach_in(self.shape), &self.guides, pool);
         while let Some(wanted) = denoising.wants() {
             stop_if_interrupted(&self.gathering.path, watch)?;
             self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut denoising)?;
@@ -288,7 +326,7 @@ impl DenoisedSource {
 
     /// Stores the denoised images of a block, unless they are stored already. `whole` is the denoised part of the image.
     fn keep(&self, id: BlockId, whole: PixelRect, denoised: &DenoisedRows) -> Result<()> {
-        if self.images.has(id.0) {
+        if self.has_images(id) {
             return Ok(());
         }
         let (rect, images) = (self.shape.rect(id), &denoised.images);
@@ -301,130 +339,127 @@ impl DenoisedSource {
             }
         }
         let errors = denoised.errors(&part);
-        self.images.append(id.0, &[&bytes, bytemuck::cast_slice(&errors)])
+        self.images.append(self.picture.place(id), &[&bytes, bytemuck::cast_slice(&errors)])
     }
 
-    /// Fits the map from clusters to columns, where a cluster has several: after the images are denoised.
+    /// What the denoised picture says of all blocks, with the map from clusters to columns, which blocks are spread with from here on.
+    /// After the images are denoised.
     ///
     /// # Errors
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
-    pub(crate) fn fit(&mut self, watch: &dyn Progress) -> Result<()> {
-        if self.clusters == self.shape.columns() {
-            return Ok(());
+    pub(crate) fn fit(&mut self, job: &Job, watch: &dyn Progress) -> Result<PictureFit> {
+        let fits = self.clusters < self.shape.columns();
+        if fits {
+            watch.begin("fitting columns", self.blocks().len() as u64, "blocks");
         }
-        watch.begin("fitting columns", self.blocks().len() as u64, "blocks");
-        let summed = self.sum_tiles(watch);
-        watch.end();
-        self.map = summed?.fit(&self.partition);
-        Ok(())
-    }
-
-    /// The sums over all tiles from which [`ColumnUpsampler`] follows.
-    fn sum_tiles(&self, watch: &dyn Progress) -> Result<ColumnUpsampler> {
-        let columns = self.shape.columns();
-        let mut fit = ColumnUpsampler::new(self.clusters, columns);
-        // Errors count relatively in tiles brighter than the mean, and absolutely in darker ones.
-        let mean = self.mean_light()?;
-        let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
-        for id in self.blocks() {
-            stop_if_interrupted(&self.gathering.path, watch)?;
-            let images = self.image_tiles(id)?;
-            let gathered = self.gathering.records.read(id.0)?;
-            let tiles = floats(self.gathering.parts(id, &gathered)?.tiles);
-            let each = images.len() / self.clusters;
-            for row in 0..each {
-                of_images.iter_mut().enumerate().for_each(|(i, v)| *v = images[i * each + row]);
-                of_columns.iter_mut().enumerate().for_each(|(j, v)| *v = tiles[j * each + row]);
-                let light: f64 = of_images.iter().map(|&v| f64::from(v)).sum();
-                let scale = light.max(0.0) + mean;
-                if scale > 0.0 && of_columns.iter().all(|v| v.is_finite()) {
-                    fit.add(row % 2, &of_images, &of_columns, 1.0 / (scale * scale));
-                }
-            }
-            watch.advance(1, 0, "px");
+        let fit = self.sum_windows(job, fits, watch).map(|sums| sums.fit(&job.basis));
+        if fits {
+            watch.end();
         }
+        let fit = fit?;
+        self.map.clone_from(&fit.map);
         Ok(fit)
     }
 
-    /// Means of tiles of the denoised images of a block, clusters × channels × tiles.
-    fn image_tiles(&self, id: BlockId) -> Result<Vec<f32>> {
-        let rect = self.shape.rect(id);
-        Ok(tile_means(&self.images_of(id)?, (rect.width as usize, rect.height as usize)))
-    }
-
-    /// Mean over tiles and channels of the denoised image with all columns on.
-    fn mean_light(&self) -> Result<f64> {
-        let (mut sum, mut count) = (0.0, 0);
-        for id in self.blocks() {
-            let tiles = self.image_tiles(id)?;
-            sum += tiles.iter().map(|&v| f64::from(v)).sum::<f64>();
-            count += tiles.len() / self.clusters;
+    fn sum_windows(&self, job: &Job, says: bool, watch: &dyn Progress) -> Result<PictureSums> {
+        let mean = self.mean_light()?;
+        let mut whole = PictureSums::new(job);
+        let wanted: HashSet<BlockId> = self.blocks().into_iter().collect();
+        for places in self.picture.ranges() {
+            let blocks = self.picture.blocks(&places).iter().copied().filter(|id| wanted.contains(id));
+            let advance = || {
+                if says {
+                    watch.advance(1, 0, "px")
+                }
+            };
+            let sums = self
+                .window_sums(blocks, mean, || stop_if_interrupted(&self.gathering.path, watch).map(|()| advance()))?;
+            whole.add(&places, sums);
         }
-        Ok(sum.max(0.0) / count.max(1) as f64)
+        Ok(whole)
     }
 
-    /// Brightness of each light's denoised image over that of the image with all columns on: the cube of the mean cube root of light. Lightness is
-    /// about a cube root (CIE 015:2018, §8.2.1), so that of a light which is bright in one corner the rest of its image counts. Decision 73.
+    /// Sums over the denoised blocks of a window. `mean` is that of [`mean_light`](Self::mean_light) over the whole picture; `go_on` is
+    /// asked before each block.
     ///
     /// # Errors
-    /// Those of the disk.
-    pub(crate) fn brightness_of_lights(&self, basis: &LightBasis) -> Result<Vec<f64>> {
+    /// Those of the disk and of `go_on`.
+    pub(crate) fn window_sums(
+        &self,
+        blocks: impl Iterator<Item = BlockId>,
+        mean: f64,
+        mut go_on: impl FnMut() -> Result<()>,
+    ) -> Result<WindowSums> {
         let columns = self.shape.columns();
-        // What of each cluster's image is a light's: of one light, some clusters.
-        let of_light = |light: &Light| -> Vec<(usize, f32)> {
-            let own = light.columns().start as usize..light.columns().end as usize;
-            let parts = self.map.chunks_exact(columns).map(|row| row[own.clone()].iter().sum::<f32>());
-            parts.enumerate().filter(|(_, part)| *part != 0.0).collect()
-        };
-        let mut images: Vec<Vec<(usize, f32)>> = basis.lights().iter().map(of_light).collect();
-        images.push((0..self.clusters).map(|cluster| (cluster, 1.0)).collect());
-        let mut roots = vec![0.0f64; images.len()];
-        let mut light = Vec::new();
-        for id in self.blocks() {
-            let tiles = self.image_tiles(id)?;
-            let planes: Vec<&[f32]> = tiles.chunks_exact(tiles.len() / self.clusters).collect();
-            for (sum, parts) in roots.iter_mut().zip(&images) {
-                light.clear();
-                light.resize(planes[0].len() / CHANNELS, 0.0f32);
-                for &(cluster, part) in parts {
-                    for channel in planes[cluster].chunks_exact(light.len()) {
-                        light.iter_mut().zip(channel).for_each(|(sum, value)| *sum += part * value);
-                    }
-                }
-                *sum += light.iter().map(|&value| f64::from(value.max(0.0)).cbrt()).sum::<f64>();
+        let mut tiles = (self.clusters < columns).then(|| ColumnUpsampler::new(self.clusters, columns));
+        let mut sums = Vec::new();
+        for id in blocks {
+            go_on()?;
+            let (bytes, errors) = self.image_bytes(id)?;
+            let rect = self.shape.rect(id);
+            let images = tile_means(&floats(&bytes), (rect.width as usize, rect.height as usize));
+            let of_cluster = images.chunks_exact(images.len() / self.clusters);
+            let light = of_cluster.map(|image| image.iter().map(|&v| f64::from(v)).sum()).collect();
+            let roots = self.roots_of_light(&images);
+            sums.push(BlockSums { light, roots, errors: errors.unwrap_or_default() });
+            if let Some(tiles) = &mut tiles {
+                self.add_tiles(tiles, &images, &self.gathering.tiles(id)?, mean);
             }
         }
-        let all = roots.pop().unwrap_or(0.0).max(f64::MIN_POSITIVE);
-        Ok(roots.iter().map(|root| (root / all).powi(3)).collect())
+        Ok(WindowSums { blocks: sums, tiles })
     }
 
-    /// The errors of denoising over the whole image, of all images of lights together and of each light; `None` if the images came from a file.
-    ///
-    /// # Errors
-    /// Those of the disk.
-    pub(crate) fn errors(&self) -> Result<Option<(DenoiseErrors, Vec<DenoisedLight>)>> {
-        let mut groups = vec![ErrorSums::default(); self.groups.count()];
-        for id in self.shape.blocks() {
-            let Some(parts) = self.image_bytes(id)?.1 else { return Ok(None) };
-            groups.iter_mut().zip(&parts).for_each(|(sums, part)| sums.add(part));
+    /// For each group of lights, and at last for all, the sum of the roots of the light of a block's tiles.
+    fn roots_of_light(&self, images: &[f32]) -> Vec<f64> {
+        let groups = self.groups.count();
+        let of_image = images.len() / self.clusters;
+        let tiles = of_image / CHANNELS;
+        let mut light = vec![0.0f32; (groups + 1) * tiles];
+        for (image, &group) in images.chunks_exact(of_image).zip(self.groups.of_cluster()) {
+            for channel in image.chunks_exact(tiles) {
+                for sums in [usize::from(group), groups] {
+                    light[sums * tiles..][..tiles].iter_mut().zip(channel).for_each(|(sum, value)| *sum += value);
+                }
+            }
         }
-        let mut all = ErrorSums::default();
-        groups.iter().for_each(|sums| all.add(sums));
-        let of_light = |&group: &u16| {
-            let sums = &groups[usize::from(group)];
-            let kept = if sums.light_before > 0.0 { sums.light_after / sums.light_before } else { 1.0 };
-            DenoisedLight { errors: sums.errors(), light_kept: kept as f32 }
-        };
-        Ok(Some((all.errors(), self.groups.of_light().iter().map(of_light).collect())))
+        let root = |&value: &f32| f64::from(value.max(0.0)).sqrt();
+        light.chunks_exact(tiles).map(|light| light.iter().map(root).sum()).collect()
+    }
+
+    /// Adds the tiles of a block to the fit: of its cluster images and of all columns.
+    fn add_tiles(&self, fit: &mut ColumnUpsampler, images: &[f32], columns: &[f32], mean: f64) {
+        let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; self.shape.columns()]);
+        let each = images.len() / self.clusters;
+        for row in 0..each {
+            of_images.iter_mut().enumerate().for_each(|(i, v)| *v = images[i * each + row]);
+            of_columns.iter_mut().enumerate().for_each(|(j, v)| *v = columns[j * each + row]);
+            let light: f64 = of_images.iter().map(|&v| f64::from(v)).sum();
+            // Errors count relatively in tiles brighter than the mean, and absolutely in darker ones.
+            let scale = light.max(0.0) + mean;
+            if scale > 0.0 && of_columns.iter().all(|v| v.is_finite()) {
+                fit.add(row % 2, &of_images, &of_columns, 1.0 / (scale * scale));
+            }
+        }
+    }
+
+    /// Mean over tiles and channels of the image of the samples with all columns on.
+    fn mean_light(&self) -> Result<f64> {
+        if self.clusters == self.shape.columns() {
+            return Ok(0.0);
+        }
+        let blocks = self.blocks();
+        let lights = blocks.iter().map(|&id| self.gathering.light(id)).collect::<Result<Vec<_>>>()?;
+        Ok(mean_of(self.shape, self.clusters, blocks.into_iter().zip(lights)))
     }
 
     /// The stored bytes of a block's denoised images, and the error sums if they were denoised here.
     fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<Vec<ErrorSums>>)> {
-        let mut bytes = self.images.read(id.0)?;
+        let place = self.picture.place(id);
+        let mut bytes = self.images.read(place)?;
         let images = 4 * self.shape.rect(id).rows() * self.clusters;
         let of_errors = size_of::<ErrorSums>() * self.groups.count();
         let Some(rest) = bytes.get(images..).filter(|rest| rest.is_empty() || rest.len() == of_errors) else {
-            return Err(self.images.damaged(id.0, "it is cut short"));
+            return Err(self.images.damaged(place, "it is cut short"));
         };
         let errors = (!rest.is_empty())
             .then(|| rest.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect());
@@ -434,7 +469,7 @@ impl DenoisedSource {
 
     /// The denoised images of a block, clusters × channels × pixels.
     fn images_of(&self, id: BlockId) -> Result<Vec<f32>> {
-        Ok(self.image_bytes(id)?.0.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
+        Ok(floats(&self.image_bytes(id)?.0))
     }
 }
 
@@ -450,12 +485,11 @@ impl BlockSource for DenoisedSource {
         if (target.block.rows(), target.block.columns()) != (rows, columns) {
             target.block.reset(rows, columns);
         }
-        let gathered = self.gathering.records.read(id.0)?;
-        let parts = self.gathering.parts(id, &gathered)?;
+        let spreading = self.gathering.spreading(id)?;
         let images = self.images_of(id)?;
         let map = ClusterMap { clusters: &self.partition, shares: &self.map };
-        self.gathering.spread(id, &parts, images, map, &mut target.block)?;
-        let emission = parts.emission();
+        self.gathering.spread(id, &spreading, images, map, &mut target.block)?;
+        let emission = spreading.emission;
         let pixels = rows / CHANNELS;
         for seen in &emission {
             for (channel, value) in seen.value.iter().enumerate() {
@@ -469,32 +503,46 @@ impl BlockSource for DenoisedSource {
     }
 }
 
-/// Ones where cluster and column have the same index.
-fn identity(clusters: usize, columns: usize) -> Vec<f32> {
-    (0..clusters * columns).map(|i| if i / columns == i % columns { 1.0 } else { 0.0 }).collect()
+/// The mean over tiles and channels, from the sum of each block's tiles, in order.
+pub(crate) fn mean_of(shape: MatrixShape, clusters: usize, lights: impl Iterator<Item = (BlockId, f64)>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for (id, light) in lights {
+        sum += light;
+        count += tile_values(shape, shape.rect(id), clusters as u64) / shape.columns();
+    }
+    sum.max(0.0) / count.max(1) as f64
+}
+
+/// The part of the image that filtering some blocks reads, and where in it the blocks lie.
+fn with_halo(shape: MatrixShape, blocks: &[BlockId], halo: u32) -> (PixelRect, Region) {
+    let rects = || blocks.iter().map(|&id| shape.rect(id));
+    let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
+    let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
+    // Steps end at borders of blocks, counted from the top.
+    let top = down.start.saturating_sub(halo) / shape.block_side() * shape.block_side();
+    let left = across.start.saturating_sub(halo);
+    let (right, bottom) = ((across.end + halo).min(shape.width()), (down.end + halo).min(shape.height()));
+    let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
+    let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
+    (whole, Region { x: within(across, left), y: within(down, top) })
+}
+
+/// The blocks whose planes denoising a window of the picture reads, ascending.
+#[cfg(feature = "scene")]
+pub(crate) fn blocks_read(shape: MatrixShape, places: &Range<u32>) -> Vec<BlockId> {
+    let (whole, _) = with_halo(shape, PictureWindows::of(shape).blocks(places), reach_in(shape).halo() as u32);
+    let side = shape.block_side();
+    let blocks = |begin: u32, size: u32| begin / side..(begin + size).div_ceil(side);
+    let across = blocks(whole.x, whole.width);
+    blocks(whole.y, whole.height)
+        .flat_map(|row| across.clone().map(move |column| BlockId(row * shape.blocks_across() + column)))
+        .collect()
 }
 
 /// Largest number of blocks across a window.
 fn window_blocks(shape: MatrixShape, clusters: usize) -> u32 {
     let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= WINDOW_BYTES;
     (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
-}
-
-/// The windows of an image, at most so many blocks wide and high.
-pub(crate) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32)) -> Vec<Vec<BlockId>> {
-    let (across, down) = (shape.blocks_across(), shape.blocks_down());
-    let window = |rows: Range<u32>, columns: Range<u32>| -> Vec<BlockId> {
-        rows.flat_map(|y| columns.clone().map(move |x| BlockId(y * across + x))).collect()
-    };
-    let in_row = |rows: Range<u32>| equal_parts(across, most_across).map(move |columns| window(rows.clone(), columns));
-    equal_parts(down, most_down).flat_map(in_row).collect()
-}
-
-/// The fewest parts of nearly equal length that have at most `most` each.
-fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
-    let count = length.div_ceil(most.max(1));
-    let border = move |part: u32| (u64::from(part) * u64::from(length) / u64::from(count)) as u32;
-    (0..count).map(move |part| border(part)..border(part + 1))
 }
 
 /// Bytes of a window this many blocks wide.

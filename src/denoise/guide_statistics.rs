@@ -28,7 +28,7 @@ struct Moments {
 }
 
 /// Mixtures of the clusters' images by which pixels are compared: clusters × guides, guide by guide.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Guides {
     clusters: usize,
     pub(super) direct: Vec<f32>,
@@ -36,6 +36,19 @@ pub struct Guides {
 }
 
 impl Guides {
+    /// The mixtures of direct light, and those of indirect light.
+    #[cfg(feature = "scene")]
+    pub(crate) fn parts(&self) -> [&[f32]; 2] {
+        [&self.direct, &self.indirect]
+    }
+
+    /// Those of [`parts`](Self::parts); `None` where they are not mixtures of so many clusters.
+    #[cfg(feature = "scene")]
+    pub(crate) fn of_parts(clusters: usize, [direct, indirect]: [Vec<f32>; 2]) -> Option<Self> {
+        let fits = |part: &Vec<f32>| !part.is_empty() && part.len() % clusters == 0 && part.len() / clusters <= GUIDES;
+        (clusters > 0 && fits(&direct) && fits(&indirect)).then_some(Self { clusters, direct, indirect })
+    }
+
     pub(super) fn clusters(&self) -> usize {
         self.clusters
     }
@@ -64,6 +77,27 @@ impl GuideStatistics {
             into.products.iter_mut().zip(&from.products).for_each(|(a, b)| *a += b);
             into.sums.iter_mut().zip(&from.sums).for_each(|(a, b)| *a += b);
         }
+    }
+
+    /// All sums, in the machine's byte order.
+    #[cfg(feature = "scene")]
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+        let parts = [&self.direct.products, &self.direct.sums, &self.indirect.products, &self.indirect.sums];
+        parts.iter().flat_map(|part| bytemuck::cast_slice::<i64, u8>(part).iter().copied()).collect()
+    }
+
+    /// Sums as [`to_bytes`](Self::to_bytes) gives them, and the bytes after them; `None` if there are too few.
+    #[cfg(feature = "scene")]
+    pub(crate) fn from_bytes(clusters: usize, mut bytes: &[u8]) -> Option<(Self, &[u8])> {
+        let mut tally = Self::new(clusters);
+        let Self { direct, indirect, .. } = &mut tally;
+        for part in [&mut direct.products, &mut direct.sums, &mut indirect.products, &mut indirect.sums] {
+            let (values, rest) = bytes.split_at_checked(size_of::<i64>() * part.len())?;
+            let values = values.chunks_exact(size_of::<i64>()).map(bytemuck::pod_read_unaligned);
+            part.iter_mut().zip(values).for_each(|(sum, value)| *sum = value);
+            bytes = rest;
+        }
+        Some((tally, bytes))
     }
 
     /// The guides of the pixels added so far.

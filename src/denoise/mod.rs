@@ -39,12 +39,14 @@ mod image_rows;
 mod kernel;
 mod outliers;
 mod per_image_filter;
+mod picture_fit;
 mod pixel_albedo;
 mod pixel_tile;
 mod row_stages;
 mod shrinkage;
 mod surfaces;
 mod upsample_columns;
+mod windows;
 
 /// 0 up to the first bound, 1 from the second on, and linear between.
 fn ramp((from, to): (f32, f32), value: f32) -> f32 {
@@ -52,17 +54,24 @@ fn ramp((from, to): (f32, f32), value: f32) -> f32 {
 }
 
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
-pub const DENOISER_VERSION: u32 = 21;
+pub const DENOISER_VERSION: u32 = 22;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;
 pub use denoised_rows::DenoisedRows;
-pub(crate) use denoised_source::{DenoisedSource, windows_of};
+pub(crate) use denoised_source::DenoisedSource;
+#[cfg(feature = "scene")]
+pub(crate) use denoised_source::{blocks_read, mean_of};
 pub use denoiser::{DenoisedRegion, Denoiser, DenoiserRows};
 pub use errors::ErrorSums;
 pub(crate) use external_images::{BASIS_LAYER, ExternalImages};
 pub use filter_radii::FilterRadii;
 pub use guide_statistics::{GuideStatistics, Guides};
 pub use image_rows::{ImageRows, Pool, Region};
+#[cfg(feature = "scene")]
+pub(crate) use picture_fit::{PictureFit, PictureSums, WindowSums};
 pub use shrinkage::ImageOrigin;
 pub use upsample_columns::{ColumnUpsampler, TILE, tile_means};
+#[cfg(feature = "scene")]
+pub(crate) use windows::PictureWindows;
+pub(crate) use windows::windows_of;

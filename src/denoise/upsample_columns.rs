@@ -80,6 +80,43 @@ impl ColumnUpsampler {
         self.light.iter_mut().zip(columns).for_each(|(light, value)| *light += root * f64::from(*value));
     }
 
+    /// Adds the sums of other tiles.
+    ///
+    /// # Panics
+    /// If the numbers of clusters or columns differ.
+    pub fn merge(&mut self, other: &Self) {
+        assert_eq!((self.clusters, self.columns), (other.clusters, other.columns));
+        for (into, from) in self.parts_mut().into_iter().zip(other.parts()) {
+            into.iter_mut().zip(from).for_each(|(sum, part)| *sum += part);
+        }
+    }
+
+    /// All sums, list by list.
+    pub(super) fn parts(&self) -> impl Iterator<Item = &[f64]> {
+        let [a, b] = &self.halves;
+        [&a.gram, &a.cross, &b.gram, &b.cross, &self.light].into_iter().map(Vec::as_slice)
+    }
+
+    fn parts_mut(&mut self) -> [&mut Vec<f64>; 5] {
+        let [a, b] = &mut self.halves;
+        [&mut a.gram, &mut a.cross, &mut b.gram, &mut b.cross, &mut self.light]
+    }
+
+    /// Sums as [`parts`](Self::parts) gives them, in the machine's byte order; `None` if there are not as many.
+    #[cfg(feature = "scene")]
+    pub(super) fn from_values(clusters: usize, columns: usize, bytes: &[u8]) -> Option<Self> {
+        let values = 2 * (clusters * clusters + clusters * columns) + columns;
+        if bytes.len() != size_of::<f64>() * values {
+            return None;
+        }
+        let mut values = bytes.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned);
+        let mut sums = Self::new(clusters, columns);
+        for part in sums.parts_mut() {
+            part.iter_mut().zip(&mut values).for_each(|(sum, value)| *sum = value);
+        }
+        Some(sums)
+    }
+
     /// The map, clusters × columns, row-major. It starts from the columns' shares of the light, and moves towards the
     /// least-squares solution along the eigenvectors of `Dᵀ W D`. The step along a direction is scaled by how well both
     /// halves of the tiles agree: 0 for a small correlation over all columns, 1 for a large one. The columns of a

@@ -293,7 +293,7 @@ impl Blocks<'_> {
         denoised.gather(threads, JobStage { name: stage, work_unit: "blocks" }, watch, make)?;
         let begun = Instant::now();
         denoised.filter(threads, watch)?;
-        denoised.fit(watch)?;
+        denoised.fit(self.job, watch)?;
         let denoising_seconds = begun.elapsed().as_secs_f64();
         let mut shown = ProbedImages::new();
         let mut block = TracedBlock::default();

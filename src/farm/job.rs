@@ -13,10 +13,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::round::Round;
 use super::terms::Terms;
 use super::worker::Worker;
 use crate::blob_store::BlobStore;
-use crate::block_records::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
+use crate::block_records::{Shard, ShardHead, ShardSet, hex, plan_prefix};
 use crate::compress::{CompressorPlan, Scope};
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
@@ -37,8 +38,8 @@ const PROBE_SECONDS: f64 = 20.0;
 
 /// A scene and its pack options, on which every machine of a farm must agree.
 pub struct FarmJob {
-    loaded: LoadedScene,
-    terms: Terms,
+    pub(super) loaded: LoadedScene,
+    pub(super) terms: Terms,
 }
 
 /// Result of a probe.
@@ -170,7 +171,7 @@ impl FarmJob {
                 block.divide_columns(tracer.column_scales());
                 Ok(rays)
             })?;
-            let (seconds, bytes) = (begins.elapsed().as_secs_f64(), worker.bytes_of(id)?);
+            let (seconds, bytes) = (begins.elapsed().as_secs_f64(), worker.bytes_of(id, count as u32)?);
             found.lock().unwrap_or_else(|e| e.into_inner()).push(TimedBlock { block: id, seconds, bytes });
             watch.advance(1, 0, "rays");
             Ok(())
@@ -187,24 +188,6 @@ impl FarmJob {
             thread_memory_bytes: need.per_thread_bytes,
             merge_memory_bytes: merging,
         })
-    }
-
-    /// Name of the shard of these blocks in the depot, for the job with this fingerprint, if it exists. The name is
-    /// trusted unless `check` asks to verify the content.
-    ///
-    /// # Errors
-    /// The depot cannot be read.
-    pub fn find(fingerprint: &str, blocks: &Range<u32>, depot: &BlobStore, check: bool) -> Result<Option<String>> {
-        for name in depot.names(&range_prefix(fingerprint, blocks))? {
-            let is_good = || {
-                let place = Path::new(depot.address()).join(&name);
-                Ok::<_, Error>(!check || Shard::verify(&*depot.open_file(&name)?, &place, &name)?.is_ok())
-            };
-            if name.ends_with(EXTENSION) && is_good()? {
-                return Ok(Some(name));
-            }
-        }
-        Ok(None)
     }
 
     /// Builds a range of blocks into a shard in the depot. Until it is complete, it is in an unlinked temporary file in
@@ -251,7 +234,8 @@ impl FarmJob {
         done?;
         let (rays, non_finite) = (rays.into_inner() + tracer.photon_cost().rays, non_finite.into_inner());
         let (job, fingerprint) = (self.terms.job.hash().0, self.terms.fingerprint);
-        let name = worker.publish(&ShardHead { job, fingerprint, blocks, rays, non_finite }, depot)?;
+        let head = ShardHead { job, fingerprint, blocks, parts: worker.parts(), rays, non_finite };
+        let name = worker.publish(&head, count, depot)?;
         Ok(BuildReport { name, seconds: begun.elapsed().as_secs_f64(), rays, non_finite })
     }
 
@@ -262,8 +246,10 @@ impl FarmJob {
     /// The depot cannot be read; [`Error::Interrupted`].
     pub fn shards(&self, depot: &BlobStore, cache: &Path, watch: &dyn Progress) -> Result<Shards> {
         let Terms { job, fingerprint, .. } = &self.terms;
+        let names = depot.names("")?;
+        let extension = Round::Trace.extension();
         let names: Vec<String> =
-            depot.names("")?.into_iter().filter(|name| name.ends_with(EXTENSION) && !name.starts_with('.')).collect();
+            names.into_iter().filter(|name| name.ends_with(extension) && !name.starts_with('.')).collect();
         hold_to_memory("fetching shards", depot.held_bytes(), self.terms.options.memory_bytes)?;
         watch.begin("checking shards", names.len() as u64, "shards");
         let check = |name: &String| -> Result<Result<Shard, String>> {
@@ -339,7 +325,7 @@ impl FarmJob {
     }
 
     /// What the merge takes while it measures the scales of columns, before it packs.
-    fn measuring_need(&self) -> ResourceEstimate {
+    pub(super) fn measuring_need(&self) -> ResourceEstimate {
         let tracing = tracing_need(&self.loaded, &self.terms.job);
         ResourceEstimate { fixed_bytes: tracing.fixed_bytes, ..ResourceEstimate::default() }
     }

@@ -1,7 +1,13 @@
-//! One job on many machines: a plan of ranges of blocks, workers that build shards of them, and the merge.
+//! One job on many machines: a plan of ranges of blocks, rounds of units that workers do, and the merge.
 
 mod job;
+mod round;
+mod rounds;
 mod terms;
+mod units;
 mod worker;
 
 pub use job::{BuildReport, FarmJob, Probe, RefusedShard, Shards, TimedBlock};
+pub use round::Round;
+pub use rounds::{CodedShards, Next, find_unit, windows};
+pub use units::WorkFolders;

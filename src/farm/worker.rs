@@ -1,12 +1,15 @@
-//! The worker of a farm: for each block it writes the record that the merge needs to an unlinked temporary file.
+//! The worker of a farm's first round: for each block it writes the records that later rounds need to an unlinked temporary file.
 
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
+use super::round::Round;
 use super::terms::Terms;
+use super::units::{publish, scratch_file};
 use crate::blob_store::BlobStore;
-use crate::block_records::{Records, ShardHead, open_spill};
+use crate::block_records::{GATHERED_PARTS, Records, ShardContent, ShardHead};
 use crate::compress::{Compressor, CompressorPlan};
-use crate::denoise::DenoiseInputs;
+use crate::denoise::{DenoiseInputs, GuideStatistics};
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 use crate::matrix::{BlockId, TracedBlock};
@@ -15,16 +18,24 @@ use crate::resources::{Held, PerThread, Progress, ResourceEstimate};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
-    /// For a matrix that is denoised, which the merge then analyses.
-    Gathers(Box<DenoiseInputs>),
+    /// For a matrix that is denoised before it is analysed.
+    Gathers {
+        /// What gathers.
+        inputs: Box<DenoiseInputs>,
+        /// Of the blocks that were gathered.
+        tally: Mutex<GuideStatistics>,
+    },
     /// Of one that is packed as it is.
     Analyses {
         /// What analyses.
         compressor: Box<Compressor>,
-        /// What it has analysed.
+        /// What it has analysed: the candidate of each block, and its summary by itself.
         analysed: Analysed,
     },
 }
+
+/// Records of each block that is analysed.
+const ANALYSED_PARTS: u32 = 2;
 
 impl Worker {
     /// A worker whose file is in `scratch`, or in the system's temporary folder. The file vanishes with the process,
@@ -33,20 +44,16 @@ impl Worker {
     /// # Errors
     /// The folder cannot be written.
     pub(super) fn new(terms: &Terms, plan: CompressorPlan, scratch: Option<&Path>) -> Result<Self> {
-        let folder = match scratch {
-            Some(scratch) => tempfile::tempdir_in(scratch).map_err(Error::io(scratch, "create a folder in"))?,
-            None => {
-                tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?
-            }
-        };
-        let (path, shape) = (folder.path().join("shard"), terms.job.shape);
-        let records = Records::File(open_spill(&path, terms.fingerprint, shape.block_count(), false)?);
-        // An unlinked file lives as long as it is open.
-        folder.close().map_err(Error::io(&path, "take the name of"))?;
+        let blocks = terms.job.shape.block_count();
         Ok(if terms.options.denoise {
-            Self::Gathers(Box::new(DenoiseInputs::new(&terms.job, path, records)?))
+            let (path, file) = scratch_file(scratch, GATHERED_PARTS * blocks)?;
+            let inputs = DenoiseInputs::new(&terms.job, path, Records::File(file))?;
+            let tally = Mutex::new(GuideStatistics::new(inputs.clusters));
+            Self::Gathers { inputs: Box::new(inputs), tally }
         } else {
-            Self::Analyses { compressor: Box::new(plan.for_blocks()?), analysed: Analysed { records } }
+            let (_, file) = scratch_file(scratch, ANALYSED_PARTS * blocks)?;
+            let analysed = Analysed { records: Records::File(file) };
+            Self::Analyses { compressor: Box::new(plan.for_blocks()?), analysed }
         })
     }
 
@@ -54,7 +61,7 @@ impl Worker {
     pub(super) fn need(terms: &Terms, plan: &CompressorPlan, source: ResourceEstimate) -> ResourceEstimate {
         let shape = terms.job.shape;
         // The positions of all records.
-        let places = Held(64 * u64::from(shape.block_count()));
+        let places = Held(64 * u64::from(GATHERED_PARTS) * u64::from(shape.block_count()));
         match terms.options.denoise {
             true => source.and(&[&places, &PerThread(DenoiseInputs::takes_bytes(&terms.job))]),
             false => need_of(plan, shape, source, None).and(&[&places]),
@@ -76,33 +83,61 @@ impl Worker {
             return Err(Error::interrupted("nothing is kept of the range"));
         }
         match self {
-            Self::Gathers(gathering) => gathering.take(id, block, watch, make, None),
-            Self::Analyses { compressor, analysed } => analysed.take(compressor, id, block, make).map(|(_, work)| work),
+            Self::Gathers { inputs, tally } => {
+                let mut own = GuideStatistics::new(inputs.clusters);
+                let work = inputs.take(id, block, watch, make, Some(&mut own))?;
+                tally.lock().unwrap_or_else(PoisonError::into_inner).merge(&own);
+                Ok(work)
+            }
+            Self::Analyses { compressor, analysed } => {
+                let (summary, work) = analysed.take(compressor, id, block, make)?;
+                let key = compressor.plan().shape().block_count() + id.0;
+                analysed.records.append(key, &[&summary.to_bytes()])?;
+                Ok(work)
+            }
         }
     }
 
-    /// Bytes of a block's record.
+    /// Bytes of a block's records.
     ///
     /// # Errors
-    /// There is none.
-    pub(super) fn bytes_of(&self, id: BlockId) -> Result<u64> {
-        self.file()?.length_and_checksum(id.0).map(|(bytes, _)| bytes)
+    /// They are not there.
+    pub(super) fn bytes_of(&self, id: BlockId, blocks: u32) -> Result<u64> {
+        let file = self.file()?;
+        (0..self.parts()).map(|part| Ok(file.length_and_checksum(part * blocks + id.0)?.0)).sum()
     }
 
-    /// Writes the records of a range into a depot, as a shard. Returns its name.
+    /// Records of each block.
+    pub(super) fn parts(&self) -> u32 {
+        match self {
+            Self::Gathers { .. } => GATHERED_PARTS,
+            Self::Analyses { .. } => ANALYSED_PARTS,
+        }
+    }
+
+    /// Writes the records of a range of the `blocks` blocks into a depot, as a shard. Returns its name.
     ///
     /// # Errors
     /// A record is missing; those of the disk and of the depot.
-    pub(super) fn publish(&self, head: &ShardHead, depot: &BlobStore) -> Result<String> {
-        let records = self.file()?;
-        let name = head.name(records)?;
-        depot.put(&name, &|out| head.write(records, &name, out))?;
-        Ok(name)
+    pub(super) fn publish(&self, head: &ShardHead, blocks: u32, depot: &BlobStore) -> Result<String> {
+        let summary = match self {
+            // What the denoiser compares pixels by is summed over all blocks; and so is their light.
+            Self::Gathers { inputs, tally } => {
+                let mut bytes = tally.lock().unwrap_or_else(PoisonError::into_inner).to_bytes();
+                for id in head.blocks.clone().map(BlockId) {
+                    bytes.extend(inputs.light(id)?.to_ne_bytes());
+                }
+                bytes
+            }
+            Self::Analyses { .. } => Vec::new(),
+        };
+        let (records, extension) = (self.file()?, Round::Trace.extension());
+        publish(head, &ShardContent { records, stride: blocks, first: 0, summary: &summary, extension }, depot)
     }
 
     fn file(&self) -> Result<&ContinuationFile> {
         let records = match self {
-            Self::Gathers(gathering) => &gathering.records,
+            Self::Gathers { inputs, .. } => &inputs.records,
             Self::Analyses { analysed, .. } => &analysed.records,
         };
         match records {

@@ -64,8 +64,8 @@ pub fn clean_images(
         block.divide_columns(scales);
         Ok(size_of_val(block.block.entries()) as u64)
     })?;
+    // Each light is a cluster, so that there is nothing to fit.
     denoised.filter(&threads, watch)?;
-    denoised.fit(watch)?;
     let rows = RowSpill::create(to, shape.columns(), size.0, size.1)?;
     let spread = |block: &mut TracedBlock, id: BlockId| -> Result<()> {
         stop_if_interrupted(to, watch)?;

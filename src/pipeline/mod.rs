@@ -47,7 +47,9 @@ pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
 #[cfg(feature = "scene")]
-pub(crate) use pack::{Analysed, FirstPass, PackSource, Packing, need_of, plan_of};
+pub(crate) use pack::{
+    Analysed, FirstPass, PackSource, PackedBlocks, Packing, SecondPass, Sizing, energy_of, need_of, plan_of,
+};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, check_container_output, pack};
 pub use relight::{
     Device, PASSES, RelightOptions, Relighter, passes_need_bytes, relight, relight_matrix, relight_passes,

@@ -2,39 +2,78 @@
 """What a farm of 10 to 10,000 workers would take, from what one machine measured.
 
     ltm plan scene.toml -o p.json ...                     # measures blocks of the scene as it is
-    python3 tools/farm/simulate.py p.json --size 8192x4096 --merge-block-seconds 0.4
+    python3 tools/farm/simulate.py p.json --size 8192x4096 --clean 0.05 --analyse 1.4 --code 0.23 ...
 
-Events are simulated range by range: loading the scene, building, the shared way into the depot, workers that are lost with what they
-had at hand, and the scheduler's share of each task. The merge follows when the last range is there. A plan made of a small picture
-stands for a large one: costs of a block are taken in turn from the plan's ranges.
+Events are simulated unit by unit, round by round: the scheduler's share of each task, loading the scene, what a unit reads from the depot,
+its work, what it leaves there, and workers that are lost with what they had at hand. All units of a round are done before the next begins;
+between two rounds one machine reads what all units say of themselves. A plan made of a small picture stands for a large one: costs of a
+block are taken in turn from the plan's ranges.
 """
 
 import argparse
 import heapq
 import json
 import random
+from dataclasses import dataclass
+
+MEBI = 2**20
 
 
 def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("plan", help="a plan of ltm plan: what blocks cost, and loading the scene")
     parser.add_argument("--size", default=None, metavar="WxH", help="the picture in pixels [default: the plan's]")
-    parser.add_argument("--samples-factor", type=float, default=1.0, help="times the samples of the plan [default: 1]")
-    parser.add_argument("--block-seconds", type=float, help="seconds of one core for a block [default: the plan's, range by range]")
-    parser.add_argument("--setup-seconds", type=float, help="seconds before each range [default: the plan's]")
     parser.add_argument("--workers", default="10,100,1000,10000", help="numbers of workers, of one core each")
-    parser.add_argument("--range-seconds", type=float, default=300.0, help="work of a range [default: 300]")
-    parser.add_argument("--merge-block-seconds", type=float, required=True, help="seconds of one core that merging takes for a block")
-    parser.add_argument("--merge-cores", type=int, default=2, help="cores of who merges [default: 2]")
-    parser.add_argument("--depot-gbit", type=float, default=10.0, help="what the depot takes and gives, Gbit/s [default: 10]")
+    parser.add_argument("--unit-seconds", type=float, default=300.0, help="work of a unit [default: 300]")
+    work = parser.add_argument_group("seconds of one core")
+    work.add_argument("--trace", type=float, help="tracing a block [default: the plan's, range by range]")
+    work.add_argument("--trace-setup", type=float, help="before a range is traced [default: the plan's]")
+    work.add_argument("--clean", type=float, required=True, help="denoising a block, in a window")
+    work.add_argument("--analyse", type=float, required=True, help="analysing a block")
+    work.add_argument("--code", type=float, required=True, help="cutting and coding a block")
+    work.add_argument("--setup", type=float, default=0.5, help="before a unit of the rounds after the first [default: 0.5]")
+    work.add_argument("--join", type=float, default=5.0, help="between two rounds, beside reading [default: 5]")
+    bytes_of = parser.add_argument_group("what passes through the depot for a block, in MiB")
+    bytes_of.add_argument("--planes", type=float, required=True, help="planes, which cleaning reads of its window and around it")
+    bytes_of.add_argument("--tiles", type=float, required=True, help="tiles, which cleaning reads of its window")
+    bytes_of.add_argument("--spreading", type=float, required=True, help="what analysing reads beside the images")
+    bytes_of.add_argument("--images", type=float, required=True, help="denoised images")
+    bytes_of.add_argument("--summary", type=float, default=0.003, help="the summary of an analysed block [default: 0.003]")
+    bytes_of.add_argument("--coded", type=float, default=0.005, help="a coded block [default: 0.005]")
+    parser.add_argument("--window", type=int, default=512, help="pixels of a window's side [default: 512]")
+    parser.add_argument("--halo", type=int, default=160, help="pixels around a window that cleaning reads [default: 160]")
+    parser.add_argument("--fit-mib", type=float, default=0.0, help="sums for the fit of columns that a window leaves, in MiB")
+    parser.add_argument("--sums-mib", type=float, default=0.0, help="sums over columns that a coded range leaves, in MiB")
+    parser.add_argument("--not-kept", type=float, default=0.0, help="of the ranges, those that are coded where they were not analysed [default: 0]")
+    parser.add_argument("--depot-gbit", type=float, default=10.0, help="what the depot takes, and what it gives, Gbit/s [default: 10]")
+    parser.add_argument("--worker-gbit", type=float, default=1.0, help="the same for each worker, and for who merges [default: 1]")
+    parser.add_argument("--slow-share", type=float, default=0.0, help="of a unit's transfers, those that the depot delays [default: 0]")
+    parser.add_argument("--slow-seconds", type=float, default=30.0, help="by so much [default: 30]")
     parser.add_argument("--task-milliseconds", type=float, default=1.0, help="of the scheduler for each task [default: 1]")
     parser.add_argument("--lost-per-hour", type=float, default=0.05, help="of a worker, the chance to be lost in an hour [default: 0.05]")
     parser.add_argument("--back-seconds", type=float, default=60.0, help="until another stands in for it [default: 60]")
     return parser.parse_args()
 
 
-class Costs:
-    """Blocks of the large picture, by the ranges of a plan."""
+@dataclass
+class Unit:
+    """Seconds of one core, and bytes from and to the depot."""
+
+    seconds: float
+    read: float
+    written: float
+
+
+@dataclass
+class Round:
+    name: str
+    units: list
+    #: Bytes that are read at its end by one machine.
+    joined: float
+
+
+class Job:
+    """The rounds of the large picture."""
 
     def __init__(self, plan: dict, asked: argparse.Namespace):
         shape = plan["shape"]
@@ -42,55 +81,97 @@ class Costs:
         side = shape["block_side"]
         self.blocks = -(-width // side) * -(-height // side)
         self.raw_bytes = width * height * 3 * shape["columns"] * 4
-        self.setup = plan["estimate"]["setup_seconds"] if asked.setup_seconds is None else asked.setup_seconds
-        self.each = []
+        parts = []
         for part in plan["ranges"]:
             first, end = map(int, part["blocks"].split(".."))
-            seconds = part["core_seconds"] / (end - first) if asked.block_seconds is None else asked.block_seconds
-            self.each.append((seconds * asked.samples_factor, part["bytes"] / (end - first)))
-        seconds = sum(cost for cost, _ in self.each) / len(self.each)
-        self.of_range = max(round(asked.range_seconds / seconds), 1)
-        self.ranges = -(-self.blocks // self.of_range)
+            parts.append(part["core_seconds"] / (end - first) if asked.trace is None else asked.trace)
+        mean = sum(parts) / len(parts)
+        gathered = (asked.planes + asked.tiles + asked.spreading) * MEBI
+        setup = plan["estimate"]["setup_seconds"] if asked.trace_setup is None else asked.trace_setup
+        self.rounds = []
+        traced = self.ranges(mean, asked)
+        units = [Unit(setup + n * parts[i % len(parts)], 0.0, n * gathered) for i, n in enumerate(traced)]
+        self.rounds.append(Round("trace", units, 20e3 * len(units)))
+        across, down = -(-width // asked.window), -(-height // asked.window)
+        each = self.blocks / (across * down)
+        with_halo = (1 + 2 * asked.halo / asked.window) ** 2
+        cleaned = Unit(
+            asked.setup + each * asked.clean * (1 + with_halo) / 2,
+            each * (asked.planes * min(with_halo, across * down) + asked.tiles) * MEBI,
+            (each * asked.images + asked.fit_mib) * MEBI,
+        )
+        self.rounds.append(Round("clean", [cleaned] * (across * down), asked.fit_mib * MEBI * across * down))
+        ranges = self.ranges(asked.analyse, asked)
+        read = (asked.spreading + asked.images) * MEBI
+        units = [Unit(asked.setup + n * asked.analyse, n * read, n * asked.summary * MEBI) for n in ranges]
+        self.rounds.append(Round("analyse", units, self.blocks * asked.summary * MEBI))
+        chance = random.Random(2)
+        units = []
+        for n in ranges:
+            again = chance.random() < asked.not_kept
+            seconds = asked.setup + n * (asked.code + again * asked.analyse)
+            units.append(Unit(seconds, n * read * again, (n * asked.coded + asked.sums_mib) * MEBI))
+        self.rounds.append(Round("code", units, self.blocks * asked.coded * MEBI + len(units) * asked.sums_mib * MEBI))
+        traced_alone = sum(n * parts[i % len(parts)] for i, n in enumerate(traced))
+        self.alone = traced_alone + self.blocks * (asked.clean + asked.analyse + asked.code)
 
-    def of(self, number: int) -> tuple:
-        """Seconds and bytes of a range: neighbours cost alike, so a range is of one kind."""
-        count = min(self.of_range, self.blocks - number * self.of_range)
-        seconds, size = self.each[number % len(self.each)]
-        return count * seconds, count * size
+    def ranges(self, seconds: float, asked: argparse.Namespace) -> list:
+        """Blocks of each range of about the seconds that were asked for."""
+        each = max(round(asked.unit_seconds / seconds), 1)
+        return [min(each, self.blocks - first) for first in range(0, self.blocks, each)]
 
 
-def simulate(costs: Costs, workers: int, asked: argparse.Namespace) -> dict:
-    """Seconds until the last range is in the depot; bytes; seconds of work lost."""
-    chance = random.Random(1)
-    rate = asked.lost_per_hour / 3600.0
-    depot_seconds_per_byte = 8.0 / (asked.depot_gbit * 1e9)
-    todo = list(range(costs.ranges))[::-1]
-    free = [(0.0, worker) for worker in range(min(workers, costs.ranges * 2))]
-    heapq.heapify(free)
-    scheduler = depot = end = lost = total_bytes = 0.0
-    losses = 0
-    while todo:
-        number = todo.pop()
-        now, worker = heapq.heappop(free)
-        # One task after the other leaves the scheduler.
-        scheduler = max(scheduler, now) + asked.task_milliseconds / 1000.0
-        seconds, size = costs.of(number)
-        seconds += costs.setup
-        until_loss = chance.expovariate(rate) if rate > 0 else float("inf")
-        if until_loss < seconds:
-            losses += 1
-            lost += until_loss
-            todo.append(number)
-            heapq.heappush(free, (scheduler + until_loss + asked.back_seconds, worker))
-            continue
-        # One after the other into the depot, at its whole rate.
-        depot = max(depot, scheduler + seconds) + size * depot_seconds_per_byte
-        total_bytes += size
-        end = max(end, depot)
-        heapq.heappush(free, (depot, worker))
-    read = total_bytes * depot_seconds_per_byte
-    merge = read + costs.blocks * asked.merge_block_seconds / asked.merge_cores
-    return {"build": end, "merge": merge, "bytes": total_bytes, "lost": lost, "losses": losses}
+class Farm:
+    """Workers, the scheduler and the depot, as time goes on."""
+
+    def __init__(self, workers: int, asked: argparse.Namespace):
+        self.asked, self.workers = asked, workers
+        self.chance = random.Random(1)
+        self.now = self.lost = 0.0
+        self.losses = 0
+
+    def transfer(self, queue: float, begin: float, size: float) -> tuple:
+        """When the depot is free again, and when the transfer ends: one after the other at the depot's rate, each no faster than its worker."""
+        if not size:
+            return queue, begin
+        queue = max(queue, begin) + size * 8.0 / (self.asked.depot_gbit * 1e9)
+        end = max(queue, begin + size * 8.0 / (self.asked.worker_gbit * 1e9))
+        slow = self.asked.slow_seconds if self.chance.random() < self.asked.slow_share else 0.0
+        return queue, end + slow
+
+    def run(self, todo: list) -> float:
+        """Seconds of a round."""
+        begun = self.now
+        rate = self.asked.lost_per_hour / 3600.0
+        todo = todo[::-1]
+        free = [(begun, worker) for worker in range(min(self.workers, 2 * len(todo)))]
+        scheduler = gives = takes = end = begun
+        while todo:
+            unit = todo.pop()
+            now, worker = heapq.heappop(free)
+            # One task after the other leaves the scheduler.
+            scheduler = max(scheduler, now) + self.asked.task_milliseconds / 1000.0
+            gives, here = self.transfer(gives, scheduler, unit.read)
+            done = here + unit.seconds
+            until_loss = self.chance.expovariate(rate) if rate > 0 else float("inf")
+            if scheduler + until_loss < done:
+                self.losses += 1
+                self.lost += until_loss
+                todo.append(unit)
+                heapq.heappush(free, (scheduler + until_loss + self.asked.back_seconds, worker))
+                continue
+            takes, left = self.transfer(takes, done, unit.written)
+            end = max(end, left)
+            heapq.heappush(free, (left, worker))
+        self.now = end
+        return end - begun
+
+    def join(self, size: float) -> float:
+        """Seconds between two rounds."""
+        rate = min(self.asked.worker_gbit * 10, self.asked.depot_gbit) * 1e9
+        seconds = self.asked.join + size * 8.0 / rate
+        self.now += seconds
+        return seconds
 
 
 def clock(seconds: float) -> str:
@@ -104,18 +185,25 @@ def clock(seconds: float) -> str:
 def main() -> None:
     asked = parsed()
     with open(asked.plan) as file:
-        costs = Costs(json.load(file), asked)
-    work = sum(costs.of(number)[0] for number in range(costs.ranges))
-    print(
-        f"{costs.blocks} blocks in {costs.ranges} ranges of {costs.of_range}, {costs.raw_bytes / 2**40:.2f} TiB of matrix; "
-        f"{clock(work)} of one core, and {costs.setup:.1f} s before each range\n"
-    )
-    print("| workers | built after | speed-up | to the depot | ranges lost, work lost | merge | whole |\n|---|---|---|---|---|---|---|")
+        job = Job(json.load(file), asked)
+    print(f"{job.blocks} blocks, {job.raw_bytes / 2**40:.2f} TiB of matrix; {clock(job.alone)} of one core\n")
+    print("| round | units | work of a unit | from the depot | to the depot | read at its end |\n|---|---|---|---|---|---|")
+    for part in job.rounds:
+        read, written = (sum(getattr(unit, name) for unit in part.units) / 2**30 for name in ("read", "written"))
+        longest = clock(max(unit.seconds for unit in part.units))
+        print(f"| {part.name} | {len(part.units):,} | {longest} | {read:.1f} GiB | {written:.1f} GiB | {part.joined / 2**30:.2f} GiB |")
+    names = " | ".join(part.name for part in job.rounds)
+    print(f"\n| workers | {names} | between rounds | merge | whole | efficiency | units lost, work lost |\n|{'---|' * (len(job.rounds) + 6)}")
     for workers in map(int, asked.workers.split(",")):
-        found = simulate(costs, workers, asked)
+        farm, took, between = Farm(workers, asked), [], 0.0
+        for part in job.rounds:
+            took.append(farm.run(part.units))
+            seconds = farm.join(part.joined)
+            between += seconds
+        merge = seconds
         print(
-            f"| {workers:,} | {clock(found['build'])} | {work / found['build']:.0f}× | {found['bytes'] / 2**30:.1f} GiB "
-            f"| {found['losses']}, {100 * found['lost'] / work:.1f} % | {clock(found['merge'])} | {clock(found['build'] + found['merge'])} |"
+            f"| {workers:,} | {' | '.join(map(clock, took))} | {clock(between - merge)} | {clock(merge)} | {clock(farm.now)} "
+            f"| {100 * job.alone / (workers * farm.now):.0f} % | {farm.losses}, {100 * farm.lost / job.alone:.1f} % |"
         )
 
 

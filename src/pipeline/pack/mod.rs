@@ -17,31 +17,28 @@ use sha2::{Digest, Sha256};
 mod analysis;
 mod output;
 mod report;
+mod second_pass;
 
 pub(crate) use self::analysis::{Analysed, FirstPass};
 pub use self::output::check_container_output;
 pub use self::report::{PackReport, ReplacedEntries, Shortfall};
+pub(crate) use self::second_pass::{PackedBlocks, SecondPass, Sizing, energy_of};
 use super::column_scales;
 use crate::block_records::{Records, ShardSet, files_of_pack, open_spill, stop_if_interrupted};
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MAX_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, CompressorPlan,
-    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MAX_DB, COMPRESSOR_VERSION, CompressSettings, CompressorPlan, LightErrorSums, Method,
+    Residual, Target,
 };
-use crate::container::codec::band_steps;
-use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
+use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::denoise::DENOISER_VERSION;
 use crate::denoise::{DenoisedSource, ExternalImages};
 use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
-use crate::light::{DenoiseErrors, DenoisedLight, Job, StatedErrors};
-use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
+use crate::light::{DenoiseErrors, DenoisedLight, Job};
+use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
 use crate::resources::{Held, JobStage, MemoryNeed, PerThread, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress};
 use crate::store;
-
-/// Blocks, spread evenly, that are encoded for each guess at the slope for a file of a given size; all blocks of a
-/// small image.
-const SAMPLE_BLOCKS: usize = 48;
 
 /// PSNR in dB of [`Target::Automatic`] for denoised images, which have no noise that would hide errors. Each of several
 /// lights alone counts as much as all together
@@ -94,6 +91,11 @@ impl PackOptions {
             hash.update("lights alike by their images, 1");
         }
         hash.finalize().into()
+    }
+
+    /// Options of the container, with its report. These options are those after [`for_source`](Self::for_source).
+    pub(crate) fn container_options(&self) -> ContainerOptions {
+        ContainerOptions { report: report_of(self), ..self.container.clone() }
     }
 
     /// These options as they apply to blocks with or without planes.
@@ -166,6 +168,7 @@ pub(crate) struct Packing {
     job: Job,
     analysed: Analysed,
     writer: ContainerWriter,
+    writer_report: ContainerReport,
     /// Hash of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
@@ -189,7 +192,7 @@ impl Packing {
     ) -> Result<(Self, CompressorPlan)> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
         let options = &options.for_source(source.has_planes);
-        let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
+        let container = options.container_options();
         let plan = plan_of(job, options)?;
         let basis = open_basis(options, job)?;
         let asking = Held(if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) });
@@ -202,6 +205,7 @@ impl Packing {
         let there = there.each_ref().map(PathBuf::as_path);
         let threads = Threads::new(need.admit("packing", path, &there, options.memory_bytes, watch)?)?;
         let fingerprint = options.fingerprint(job, source.variant, basis.as_ref());
+        let writer_report = container.report.clone();
         let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
@@ -213,6 +217,7 @@ impl Packing {
             job,
             analysed,
             writer,
+            writer_report,
             fingerprint,
             denoise,
             denoising: None,
@@ -351,10 +356,9 @@ impl Packing {
             Some(basis) => denoised.take(basis, watch)?,
             None => denoised.filter(&self.threads, watch)?,
         }
-        denoised.fit(watch)?;
-        self.denoising = denoised.errors()?;
-        let brightness = denoised.brightness_of_lights(&self.job.basis)?;
-        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &brightness).for_blocks()?);
+        let fit = denoised.fit(&self.job, watch)?;
+        self.denoising = fit.errors;
+        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &fit.brightness).for_blocks()?);
         let stage = JobStage { name: "analysing", work_unit: "B" };
         let packed = self.compress(first_pass, stage, watch, |id, block| {
             denoised.read_block(id, block)?;
@@ -393,136 +397,56 @@ impl Packing {
         watch.end();
         let analysed = analysed?;
         let plan = first_pass.plan();
-        let band_steps = self.right_band_steps(plan);
-        let cut = self.choose(plan, &analysed, &band_steps)?;
+        let report = self.writer_report.clone();
+        let sizing = Sizing { job: &self.job, report: &report, encoder: self.writer.encoder() };
+        let read = |id: BlockId| Ok(self.analysed.read(id)?.0);
+        let second = self.threads.run(|| sizing.second_pass(plan, &analysed, &read))?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);
         if replaced.count() > 0 {
             watch.note(&format!("{}: {replaced}", self.path.display()));
         }
-        let energy = analysed.iter().map(CandidateSummary::energy).sum();
-        let lights = LightErrorSums::new(self.job.shape.columns(), energy);
+        let lights = LightErrorSums::new(self.job.shape.columns(), energy_of(&analysed));
         drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
-        let store = |&id: &BlockId| self.store(id, &cut, &band_steps, &lights, watch);
+        let store = |&id: &BlockId| self.store(id, &second, &lights, watch);
         let stored = self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
-        let stored = stored?;
-        let lossy_lights = lights.lossy_lights(&self.job.basis);
-        // What was replaced is no light, and who gives a rank has said what it may cost.
-        let asked = replaced.count() > 0 || plan.settings().has_fixed_rank();
-        let refuses = !(self.allow_lost_lights || asked);
-        if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && refuses) {
-            let problem = format!("{lost}: it is not written");
-            return Err(Error::input(self.path.display().to_string(), problem, Hint::AllowLostLights));
-        }
-        let lights = lights.errors(cut.expected_relative_l2);
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
-        let (denoising, denoised_lights) = self.denoising.unzip();
-        let denoised_lights = denoised_lights.unwrap_or_default();
-        self.writer.state_errors(StatedErrors { lights: Some(lights), denoising, denoised_lights, exposed });
+        let packed =
+            PackedBlocks { cut: second.cut, replaced, stored: stored?, denoising: self.denoising.take(), exposed };
+        let whole = packed.conclude(&self.job, plan.settings(), &lights);
+        whole.check_lights(&self.path, self.allow_lost_lights)?;
+        self.writer.state_errors(whole.errors.clone());
         let summary = self.writer.finish()?;
         self.analysed.records.remove()?;
-        let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
-        let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
-        let target = plan.settings().target;
-        let is_reached = match target {
-            // The total of all blocks was estimated from a sample.
-            Target::Bytes(bytes) => summary.file_bytes <= bytes,
-            _ => cut.reaches_target,
-        };
-        Ok(PackReport {
-            seconds: self.begun.elapsed().as_secs_f64(),
-            raw_bytes: self.job.shape.raw_bytes(),
-            packed_bytes: summary.file_bytes,
-            mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
-            sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
-            relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
-            denoising,
-            exposed,
-            lights,
-            lossy_lights,
-            short_of_target: (!is_reached).then(|| Shortfall {
-                target,
-                psnr_db: cut.expected_psnr_db,
-                relative_l2: cut.expected_relative_l2,
-                file_bytes: summary.file_bytes,
-                noise_heeded: cut.noise_factor.is_some() && stored.iter().any(|s| s.report.noise_variance.is_finite()),
-            }),
-            replaced,
-            blocks_kept,
-            peak_memory_bytes: self.memory.stop(),
-        })
-    }
-
-    /// How much finer bands of right sides are stored: by what their errors do to the lightings of the prior. Where a rank is given there
-    /// are no steps that they could be finer than.
-    fn right_band_steps(&self, plan: &CompressorPlan) -> Arc<[i8]> {
-        if plan.settings().has_fixed_rank() {
-            return Arc::default();
-        }
-        band_steps(&LightLayout::of(&self.job.basis), plan.prior()).into()
+        let seconds = self.begun.elapsed().as_secs_f64();
+        let report = whole.report(&self.job, &summary, seconds);
+        Ok(PackReport { blocks_kept, peak_memory_bytes: self.memory.stop(), ..report })
     }
 
     /// The second pass over a block: cuts its candidate, writes it, and adds its errors to `lights`.
     fn store(
         &self,
         id: BlockId,
-        cut: &Cut,
-        band_steps: &Arc<[i8]>,
+        second: &SecondPass,
         lights: &LightErrorSums,
         watch: &dyn Progress,
     ) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
-        let (candidate, residual) = self.analysed.read(id)?;
-        let factored = kept_of(&candidate, cut, band_steps);
-        let encoded = self.writer.encode_divided(id, &factored)?;
-        let stored = self.writer.decode(id, &encoded)?;
-        let (report, columns) = residual.report(&candidate.whole(), &stored);
-        lights.add(&columns);
+        let coded = second.code(id, &self.analysed, self.writer.encoder())?;
+        lights.add(&coded.columns);
         if let Some(promise) = &self.promise {
-            promise.see(id, &stored, &self.job.basis);
+            promise.see(id, &coded.stored, &self.job.basis);
         }
         // An earlier run has written the same bytes.
         let bytes = match self.writer.written(id) {
             Some(_) => 0,
-            None => self.writer.write_encoded(id, &encoded, &report)?.bytes(),
+            None => self.writer.write_encoded(id, &coded.encoded, &coded.written.report)?.bytes(),
         };
         watch.advance(1, bytes as u64, "B");
-        Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
+        Ok(coded.written)
     }
-
-    /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
-    fn choose(&self, plan: &CompressorPlan, analysed: &[CandidateSummary], band_steps: &Arc<[i8]>) -> Result<Cut> {
-        let cut = plan.choose(analysed.iter());
-        match plan.settings().target {
-            Target::Bytes(bytes) if cut.slope > 0.0 => {
-                self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut, band_steps)))
-            }
-            _ => Ok(cut),
-        }
-    }
-
-    /// Estimated bytes of a cut's file, from the sample of blocks.
-    fn bytes_at(&self, cut: &Cut, band_steps: &Arc<[i8]>) -> Result<f64> {
-        let blocks = self.job.shape.block_count() as usize;
-        let sample: Vec<BlockId> =
-            (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
-        let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode_divided(id, &kept_of(&self.analysed.read(id)?.0, cut, band_steps))?.size();
-            Ok((size.bytes(), size.layer_bytes.len()))
-        };
-        let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
-        let share = blocks as f64 / sample.len() as f64;
-        let bytes = share * sizes.iter().map(|(bytes, _)| *bytes as f64).sum::<f64>();
-        let layers = share * sizes.iter().map(|(_, layers)| *layers as f64).sum::<f64>();
-        Ok(bytes + self.writer.overhead_bytes(layers.round() as u64) as f64)
-    }
-}
-
-/// The factors that a cut keeps of a candidate, with their step refinement.
-fn kept_of(candidate: &Candidate, cut: &Cut, band_steps: &Arc<[i8]>) -> FactoredBlock {
-    FactoredBlock { right_band_steps: Arc::clone(band_steps), ..candidate.cut(cut) }
 }
 
 /// The compressor for the matrix of a job. Each light alone counts as much as all together. Lights have equal shares of

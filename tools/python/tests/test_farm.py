@@ -1,6 +1,7 @@
-"""Farms: ranges as tasks of Dask, of a Slurm script and of an Open Job Description, and the container of one machine in the end.
+"""Farms: units as tasks of Dask, of a Slurm script and of an Open Job Description, and the container of one machine in the end.
 
-They want the program: ``LTM`` says where it is. ``LTM_FARM_GIB=2`` makes the matrix of the proof so large.
+They want the program: ``LTM`` says where it is. ``LTM_FARM_GIB=4`` makes the matrix of the proof so large; a worker is killed every ten
+seconds then.
 """
 
 import hashlib
@@ -107,40 +108,54 @@ def test_a_farm_makes_the_container_of_one_machine(room: Path, client, tmp_path:
         room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", progress=lambda *now: told.append(now)
     )
     assert digest(out) == digest(room / "single.ltc")
-    # 24 blocks by five.
-    assert len(list((tmp_path / "shards").iterdir())) == 5
-    assert told[0] == (0, 24, 0) and told[-1] == (24, 24, 0) and len(told) == 6
+    # 24 blocks by five, three times; one window; and what stands before each round after the first.
+    names = [path.suffix for path in (tmp_path / "shards").iterdir()]
+    counts = {suffix: names.count(suffix) for suffix in names}
+    assert counts == {".shard": 5, ".images": 1, ".summaries": 5, ".coded": 5, ".reduced": 3}
+    rounds = [("trace", 5), ("clean", 1), ("analyse", 5), ("code", 5)]
+    assert told == [(name, done, of, 0) for name, of in rounds for done in range(of + 1)]
     with pytest.raises(FileExistsError):
         farm.render(room / "room.plan.json", client, out, tmp_path / "shards")
     told.clear()
     farm.render(
         room / "room.plan.json", client, out, tmp_path / "shards", overwrite=True, progress=lambda *now: told.append(now)
     )
-    assert told == [(24, 24, 0)], "nothing was built again"
+    assert told == [], "nothing was built again"
 
 
 def test_a_range_that_cannot_be_built_is_named_and_the_others_are_finished(room: Path, client, tmp_path: Path):
-    bad = failing(tmp_path, '[[ "$*" == *"--blocks 5..10"* ]] && { echo "ltm: the lens cap is on" >&2; exit 5; }')
-    with pytest.raises(farm.FarmError, match="1 of the ranges .* lens cap") as raised:
+    bad = failing(tmp_path, '[[ "$*" == *"--round trace --range 1 "* ]] && { echo "ltm: the lens cap is on" >&2; exit 5; }')
+    with pytest.raises(farm.FarmError, match="1 of the units .* lens cap") as raised:
         farm.render(room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", program=bad, retries=1)
-    assert list(raised.value.poisoned) == ["5..10"]
+    assert list(raised.value.poisoned) == ["trace 1"]
     assert len(list((tmp_path / "shards").iterdir())) == 4
     told = []
     out = farm.render(
         room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", progress=lambda *now: told.append(now)
     )
-    assert told == [(19, 24, 0), (24, 24, 0)]
+    assert told[:2] == [("trace", 4, 5, 0), ("trace", 5, 5, 0)]
     assert digest(out) == digest(room / "single.ltc")
 
 
-def test_a_shard_that_was_changed_is_built_again(room: Path, client, tmp_path: Path):
-    shards = tmp_path / "shards"
-    run(PROGRAM, "build", "--plan", room / "room.plan.json", "--range", 0, "--out", shards)
-    (shard,) = shards.iterdir()
+@pytest.mark.parametrize("name", ["trace", "clean", "code"])
+def test_a_shard_that_was_changed_is_built_again(room: Path, client, tmp_path: Path, name: str):
+    """Found by who reads it: a unit of the next round, or the merge."""
+    shards, plan, out = tmp_path / "shards", room / "room.plan.json", tmp_path / "room.ltc"
+    while True:
+        merge = [PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--rounds", "--list"]
+        units = [line.split() for line in run(*merge).stdout.splitlines()]
+        if not units:
+            break
+        for of, number in units:
+            run(PROGRAM, "build", "--plan", plan, "--round", of, "--range", number, "--out", shards)
+        if units[0][0] == name:
+            break
+    suffix = {"trace": ".shard", "clean": ".images", "code": ".coded"}[name]
+    shard = next(path for path in shards.iterdir() if path.suffix == suffix)
     data = bytearray(shard.read_bytes())
     data[len(data) // 2] ^= 1
     shard.write_bytes(data)
-    out = farm.render(room / "room.plan.json", client, tmp_path / "room.ltc", shards)
+    farm.render(plan, client, out, shards)
     assert digest(out) == digest(room / "single.ltc")
 
 
@@ -153,6 +168,12 @@ def test_the_command_line_of_a_merge_says_what_is_missing(room: Path, tmp_path: 
     assert (done.returncode, done.stdout.split()) == (farm.MISSING, ["0..5", "10..15", "20..24"])
     assert "build the missing ranges" in done.stderr and not out.exists()
     assert run(*merge, "--list=array").stdout == "0,2,4\n"
+    assert run(*merge, "--rounds", "--list=array").stdout == "trace 0,2,4\n"
+    done = subprocess.run([*merge, "--rounds"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout.splitlines()) == (farm.MISSING, ["trace 0", "trace 2", "trace 4"])
+    early = [PROGRAM, "build", "--plan", str(plan), "--round", "clean", "--range", "0", "--out", str(shards)]
+    done = subprocess.run(early, capture_output=True, text=True)
+    assert done.returncode == farm.MISSING and "merge --rounds" in done.stderr
 
 
 def test_the_command_line_renders_a_scene(room: Path, tmp_path: Path, monkeypatch, capsys):
@@ -198,11 +219,15 @@ def ranges_of(plan: Path) -> list:
 
 def test_the_script_for_slurm_builds_the_range_of_its_task(room: Path, tmp_path: Path):
     """The script itself, started as Slurm starts it."""
-    plan = room / "room.plan.json"
-    for number in range(len(ranges_of(plan))):
-        environment = os.environ | {"LTM": PROGRAM, "SLURM_ARRAY_TASK_ID": str(number), "SLURM_CPUS_PER_TASK": "2"}
-        subprocess.run(["bash", FARM / "array.sbatch", plan, tmp_path / "shards"], check=True, env=environment)
-    run(PROGRAM, "merge", "--plan", plan, tmp_path / "shards", "-o", tmp_path / "room.ltc")
+    plan, shards, out = room / "room.plan.json", tmp_path / "shards", tmp_path / "room.ltc"
+    asked = []
+    while units := run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--rounds", "--list").stdout.splitlines():
+        for name, number in map(str.split, units):
+            environment = os.environ | {"LTM": PROGRAM, "SLURM_ARRAY_TASK_ID": number, "SLURM_CPUS_PER_TASK": "2"}
+            subprocess.run(["bash", FARM / "array.sbatch", plan, shards, name], check=True, env=environment)
+        asked.append(units[0].split()[0])
+    assert asked == ["trace", "clean", "analyse", "code"]
+    run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--rounds")
     assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
 
 
@@ -222,10 +247,11 @@ needs_slurm = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
 @pytest.mark.xdist_group("slurm")
 def test_slurm_runs_the_array(room: Path, slurm, tmp_path: Path):
     plan, shards, out = room / "room.plan.json", tmp_path / "shards", tmp_path / "room.ltc"
-    missing = run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--list=array").stdout.strip()
-    words = ["sbatch", "--wait", f"--array={missing}", f"--chdir={tmp_path}", FARM / "array.sbatch", plan, shards]
-    subprocess.run(words, check=True, timeout=300)
-    run(PROGRAM, "merge", "--plan", plan, shards, "-o", out)
+    while missing := run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--rounds", "--list=array").stdout.split():
+        name, numbers = missing
+        words = ["sbatch", "--wait", f"--array={numbers}", f"--chdir={tmp_path}", FARM / "array.sbatch", plan, shards, name]
+        subprocess.run(words, check=True, timeout=300)
+    run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--rounds")
     assert digest(out) == digest(room / "single.ltc")
 
 
@@ -252,7 +278,7 @@ def test_open_job_description_builds_and_merges(room: Path, tmp_path: Path):
     run(OPENJD, "check", template)
     parameters = {
         "Plan": plan, "Shards": tmp_path / "shards", "Output": tmp_path / "room.ltc",
-        "Ranges": f"0-{len(ranges_of(plan)) - 1}", "Program": PROGRAM,
+        "Ranges": f"0-{len(ranges_of(plan)) - 1}", "Windows": "0", "Program": PROGRAM,
     }
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}={value}")]
     run(OPENJD, "run", template, "--step", "Merge", "--run-dependencies", *words)
@@ -269,15 +295,18 @@ esac"""
 class Machines:
     """A scheduler and three workers as processes; who is dead is started again.
 
-    As ranges are done, a worker is killed after each `kill_every` of them, and the scheduler after `scheduler_dies_after`.
+    A worker is killed after each `kill_every` units, or every `kill_seconds`; the scheduler after `scheduler_dies_after` units, and again
+    between two rounds.
     """
 
-    def __init__(self, kill_every: int, scheduler_dies_after: int):
+    def __init__(self, kill_every: int, scheduler_dies_after: int, kill_seconds: float | None = None):
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self.address = f"tcp://127.0.0.1:{self.port}"
-        self.kill_every, self.scheduler_dies_after = kill_every, scheduler_dies_after
+        self.kill_every, self.scheduler_dies_after, self.kill_seconds = kill_every, scheduler_dies_after, kill_seconds
+        self.killed_at = time.monotonic()
+        self.done = 0
         self.stopping = threading.Event()
         self.killed = {"workers": 0, "schedulers": 0}
         self.random = random.Random(7)
@@ -298,14 +327,23 @@ class Machines:
             if self.scheduler.poll() is not None:
                 self.scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", self.port, "--no-dashboard")
             self.workers = [w if w.poll() is None else self.worker() for w in self.workers]
+            if self.kill_seconds and time.monotonic() > self.killed_at + self.kill_seconds:
+                self.kill_worker()
 
-    def haunt(self, done: int) -> None:
-        if not self.killed["schedulers"] and done >= self.scheduler_dies_after:
+    def kill_worker(self) -> None:
+        self.killed["workers"] += 1
+        self.killed_at = time.monotonic()
+        self.random.choice(self.workers).send_signal(signal.SIGKILL)
+
+    def haunt(self, name: str, done: int) -> None:
+        self.done += done > 0
+        first = not self.killed["schedulers"] and self.done >= self.scheduler_dies_after
+        between = self.killed["schedulers"] == 1 and (name, done) == ("analyse", 0)
+        if first or between:
             self.killed["schedulers"] += 1
             self.scheduler.send_signal(signal.SIGKILL)
-        if done >= (self.killed["workers"] + 1) * self.kill_every:
-            self.killed["workers"] += 1
-            self.random.choice(self.workers).send_signal(signal.SIGKILL)
+        if not self.kill_seconds and self.done >= (self.killed["workers"] + 1) * self.kill_every:
+            self.kill_worker()
 
     def stop(self) -> None:
         self.stopping.set()
@@ -339,12 +377,12 @@ def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_
     large = gib >= 1
     plan = make(tmp_path, width, height, texels, 16 if large else 64, side, max(blocks // 60, 1))
     raw = json.loads(plan.read_text())["shape"]["raw_bytes"]
-    machines = Machines(8 if large else 4, 12 if large else 6)
+    machines = Machines(4, 6, 10.0 if large else None)
     begun, again = time.monotonic(), []
 
-    def progress(done: int, total: int, tries: int) -> None:
+    def progress(name: str, done: int, total: int, tries: int) -> None:
         again.append(tries)
-        machines.haunt(done)
+        machines.haunt(name, done)
 
     try:
         out = farm.render(
@@ -355,7 +393,7 @@ def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_
         machines.stop()
     print(
         f"{raw / 2**30:.2f} GiB of matrix, {len(ranges_of(plan))} ranges, {time.monotonic() - begun:.0f} s, "
-        f"{machines.killed['workers']} workers and {machines.killed['schedulers']} scheduler killed, {again[-1]} tries again; {told()}"
+        f"{machines.killed['workers']} workers and {machines.killed['schedulers']} schedulers killed, {again[-1]} tries again; {told()}"
     )
     assert digest(out) == digest(tmp_path / "single.ltc")
-    assert machines.killed["schedulers"] == 1 and machines.killed["workers"] >= 1
+    assert machines.killed["schedulers"] == 2 and machines.killed["workers"] >= 1

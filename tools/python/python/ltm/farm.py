@@ -1,11 +1,13 @@
-"""One job on many machines: the ranges of a plan as tasks of a Dask cluster, then the merge.
+"""One job on many machines: the units of each round as tasks of a Dask cluster, then the merge.
 
 >>> from distributed import Client
 >>> from ltm import farm
 >>> farm.render("room.plan.json", Client("tcp://head:8786"), out="room.ltc", shards="/shared/room")
 
-``ltm plan`` makes the plan. Dask schedules; each task is one ``ltm build`` as a process of its own, so that a worker may be killed at any
-instant: a range is in the depot whole or not at all. Workers need the program ``ltm`` (on their PATH, or where ``LTM`` says), the scene
+``ltm plan`` makes the plan. Four rounds follow: ranges of blocks are traced, windows of the picture denoised, ranges analysed, ranges coded
+(two where nothing is denoised). What is missing in which round says ``ltm merge --rounds``, which puts together between two rounds what
+the next one begins with, and in the end writes the container. Dask schedules; each task is one ``ltm build`` as a process of its own, so
+that a worker may be killed at any instant: a unit is in the depot whole or not at all. Workers need the program ``ltm`` (on their PATH, or where ``LTM`` says), the scene
 and the depot in the same places, and Dask, but not this package. Whatever was lost or cancelled, the same call goes on.
 
 ``python -m ltm.farm scene.toml --local 4`` does all of it from a command line.
@@ -34,25 +36,29 @@ if TYPE_CHECKING:
 
 __all__ = ["FarmError", "Progress", "main", "render"]
 
-#: Exit code of ``ltm merge --plan`` where ranges are missing.
+#: Exit code of ``ltm merge --plan`` where units are missing.
 MISSING = 8
-#: Exit codes of ``ltm build`` that come back however often a range is tried: unusable arguments or input.
+#: Exit code where a shard has other bytes than were written.
+DAMAGED = 4
+#: Exit code where the place of the shards, or the disk, did not do what it was asked to.
+REFUSED = 5
+#: Exit codes of ``ltm build`` that come back however often a unit is tried: unusable arguments or input.
 HOPELESS = (2, 3)
 
 log = logging.getLogger("ltm.farm")
 
 
 class FarmError(Exception):
-    """Ranges that could not be built, after all tries; the others are in the depot."""
+    """Units that could not be built, after all tries; the others are in the depot."""
 
     def __init__(self, message: str, poisoned: dict[str, str] | None = None):
         super().__init__(message)
-        #: The last line of each range that failed.
+        #: The last line of each unit that failed, by its round and number.
         self.poisoned = poisoned or {}
 
 
 class BuildError(Exception):
-    """One try of one range failed."""
+    """One try of one unit failed."""
 
     def __init__(self, message: str, code: int = 1):
         super().__init__(message, code)
@@ -78,29 +84,43 @@ def _die_with_parent() -> None:
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 
 
-def _build(plan: str, blocks: str, shards: str, options: dict[str, Any]) -> float:
-    """The task: one range into one shard. Gives the seconds that it took."""
+def _build(plan: str, unit: str, shards: str, options: dict[str, Any]) -> str | None:
+    """The task: one unit into one shard. Gives the address of the worker that did it."""
     import logging
     import subprocess
     import sys
     import time
 
     log = logging.getLogger("distributed.worker")
-    words = [_program(options.get("program")), "--threads", str(options.get("threads", 1)), "build", "--plan", plan, "--blocks", blocks]
+    name, number = unit.split()
+    words = [_program(options.get("program")), "--threads", str(options.get("threads", 1)), "build", "--plan", plan, "--round", name, "--range", number]
     words += ["--out", shards]
     memory = options.get("memory") or _memory_of_worker()
     words += ["--memory", str(int(memory))] if memory else []
     words += ["--check"] if options.get("check") else []
+    folder = _of_worker("local_directory")
+    # What is analysed here is coded here, as far as that may be.
+    words += ["--keep", folder] if folder else []
     begun = time.monotonic()
     preparation = _die_with_parent if sys.platform == "linux" else None
     done = subprocess.run(words, capture_output=True, text=True, errors="replace", stdin=subprocess.DEVNULL, preexec_fn=preparation)
     seconds = time.monotonic() - begun
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it said nothing"]
-        log.warning("blocks %s: exit code %s after %.1f s: %s", blocks, done.returncode, seconds, lines[-1])
-        raise BuildError(f"blocks {blocks}: {lines[-1]}", done.returncode)
-    log.info("blocks %s: %.1f s: %s", blocks, seconds, done.stdout.strip())
-    return seconds
+        log.warning("%s: exit code %s after %.1f s: %s", unit, done.returncode, seconds, lines[-1])
+        raise BuildError(f"{unit}: {lines[-1]}", done.returncode)
+    log.info("%s: %.1f s: %s", unit, seconds, done.stdout.strip())
+    return _of_worker("address")
+
+
+def _of_worker(name: str) -> Any:
+    """Something that the worker knows of itself; nothing outside a worker."""
+    try:
+        from distributed import get_worker
+
+        return getattr(get_worker(), name, None)
+    except (ImportError, ValueError):
+        return None
 
 
 def _memory_of_worker() -> float | None:
@@ -117,15 +137,17 @@ def _memory_of_worker() -> float | None:
 
 
 class Progress:
-    """Blocks done, their rate and the time left: one line on a terminal, nothing elsewhere."""
+    """Units of a round done, their rate and the time left: one line on a terminal, nothing elsewhere."""
 
     def __init__(self, file: TextIO = sys.stderr):
         self.file = file
         self.begun = time.monotonic()
-        self.before: int | None = None
+        self.round: str | None = None
+        self.before = 0
 
-    def __call__(self, done: int, total: int, retries: int) -> None:
-        self.before = done if self.before is None else self.before
+    def __call__(self, name: str, done: int, total: int, retries: int) -> None:
+        if name != self.round:
+            self.round, self.before, self.begun = name, done, time.monotonic()
         if not self.file.isatty():
             return
         seconds = time.monotonic() - self.begun
@@ -134,18 +156,13 @@ class Progress:
         bar = "=" * (32 * done // max(total, 1))
         again = f", {retries} tries again" if retries else ""
         end = "\n" if done == total else ""
-        print(f"\rbuilding [{bar:32}] {done}/{total} blocks, {rate:.1f} blocks/s, {left}{again}\x1b[K", end=end, file=self.file, flush=True)
+        print(f"\r{name:8} [{bar:32}] {done}/{total} units, {rate:.1f} units/s, {left}{again}\x1b[K", end=end, file=self.file, flush=True)
 
 
 def _clock(seconds: float) -> str:
     minutes, seconds = divmod(int(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
-
-
-def _length(blocks: str) -> int:
-    first, end = blocks.split("..")
-    return int(end) - int(first)
 
 
 def render(
@@ -159,46 +176,53 @@ def render(
     threads: int = 1,
     memory: int | None = None,
     overwrite: bool = False,
-    progress: Callable[[int, int, int], None] | None = None,
+    progress: Callable[[str, int, int, int], None] | None = None,
     patience: float = 600.0,
 ) -> Path:
-    """Builds the ranges of ``plan`` that its depot lacks on the workers of ``client``, and merges them into ``out``.
+    """Builds the units of ``plan`` that its depot lacks on the workers of ``client``, round by round, and merges them into ``out``.
 
     ``client`` is a client of Dask, the address of a scheduler, or a function that gives a client; a scheduler that is gone is waited for
-    ``patience`` seconds. ``shards`` is the depot, a folder that all workers see or ``s3://BUCKET/PREFIX``, by default a folder beside ``out``. A range that fails, or
-    whose worker dies, is done again elsewhere, ``retries`` times; then the others are finished, and :class:`FarmError` names it. Each task
+    ``patience`` seconds. ``shards`` is the depot, a folder that all workers see or ``s3://BUCKET/PREFIX``, by default a folder beside ``out``. A unit that fails, or
+    whose worker dies, is done again elsewhere, ``retries`` times; then the others of its round are finished, and :class:`FarmError` names it.
+    ``progress`` is told the round, its units that are done, all of them, and the tries again. Each task
     gets ``threads`` threads, and ``memory`` bytes, by default its share of what its worker may take. Ctrl-C cancels what is not begun;
     the same call goes on. Returns ``out``.
     """
     plan, out = Path(plan).resolve(), Path(out).resolve()
     depot = str(shards) if shards is not None else f"{out}-shards"
     depot = depot if "://" in depot else str(Path(depot).resolve())
-    ranges = [part["blocks"] for part in json.loads(plan.read_text())["ranges"]]
+    content = json.loads(plan.read_text())
+    totals = {"clean": content["shape"]["windows"]}
     options = {"threads": threads, "memory": memory, "program": program}
-    merge = [_program(program), "merge", "--plan", str(plan), depot, "-o", str(out)] + (["--force"] if overwrite else [])
+    merge = [_program(program), "merge", "--plan", str(plan), depot, "-o", str(out), "--rounds"] + (["--force"] if overwrite else [])
     if out.exists() and not overwrite:
         raise FileExistsError(f"{out} is there already")
-    missing = _lines(subprocess.run([*merge, "--list"], stdout=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL), (0,))
     work = _Work(str(plan), depot, _Connection(client, patience), options, retries, progress or Progress())
-    work.total = sum(map(_length, ranges))
-    work.done = work.total - sum(map(_length, missing))
-    for _ in range(retries + 1):
-        work.build(missing)
-        done = subprocess.run(merge, stdout=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL)
-        if done.returncode != MISSING:
-            _lines(done, (0,))
-            return out
-        # A shard that was there by its name and is not whole: read before it is trusted from now on.
-        missing = _lines(done, (MISSING,))
-        options["check"] = True
-        work.done -= sum(map(_length, missing))
-    raise FarmError(f"{len(missing)} ranges are damaged again and again in {depot}; check the disk", dict.fromkeys(missing, "damaged"))
+    check: list[str] = []
+    failures = 0
+    while True:
+        code, units = _merge([*merge, *check, "--list"])
+        if code == 0 and units:
+            name = units[0].split()[0]
+            work.build(name, units, totals.get(name, len(content["ranges"])))
+        elif code == 0:
+            code, _ = _merge(merge)
+            if code == 0:
+                return out
+        # A shard that was there by its name and is not whole: all are read before they are trusted, and from now on before they are built.
+        is_damaged = work.damaged or (code == DAMAGED and not check)
+        check = ["--check"] if is_damaged else []
+        options["check"] = options.get("check") or is_damaged
+        failures += is_damaged or code != 0
+        work.damaged = False
+        if code not in (0, DAMAGED, REFUSED) or failures > retries:
+            raise FarmError(f"ltm merge ended with exit code {code}; what it said stands above" if code else f"shards are damaged again and again in {depot}; check the disk")
 
 
-def _lines(done: subprocess.CompletedProcess[str], expected: tuple[int, ...]) -> list[str]:
-    if done.returncode not in expected:
-        raise FarmError(f"ltm merge ended with exit code {done.returncode}; what it said stands above")
-    return done.stdout.split()
+def _merge(words: list[str]) -> tuple[int, list[str]]:
+    """The exit code of a merge, and the lines that it wrote."""
+    done = subprocess.run(words, stdout=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL)
+    return done.returncode, [line for line in done.stdout.splitlines() if line]
 
 
 class _Connection:
@@ -247,81 +271,101 @@ class _Connection:
 
 
 class _Work:
-    """The ranges that are being built."""
+    """The units that are being built."""
 
-    def __init__(self, plan: str, depot: str, connection: _Connection, options: dict[str, Any], retries: int, progress: Callable[[int, int, int], None]):
+    def __init__(self, plan: str, depot: str, connection: _Connection, options: dict[str, Any], retries: int, progress: Callable[[str, int, int, int], None]):
         self.plan, self.depot, self.connection, self.options = plan, depot, connection, options
         self.retries, self.progress = retries, progress
-        self.done = self.total = self.again = 0
+        self.round, self.done, self.total, self.again = "", 0, 0, 0
+        #: Whether a unit met a shard of another whose bytes have changed.
+        self.damaged = False
+        #: Where ranges were analysed.
+        self.places: dict[str, str] = {}
 
-    def build(self, ranges: list[str]) -> None:
+    def build(self, name: str, units: list[str], total: int) -> None:
         """Builds all of them, or raises :class:`FarmError` with those that cannot be built when all others are."""
-        left = dict.fromkeys(ranges, 0)
+        self.round, self.done, self.total = name, total - len(units), total
+        left = dict.fromkeys(units, 0)
         poisoned: dict[str, str] = {}
-        self.progress(self.done, self.total, self.again)
+        self._tell()
         while left:
-            self._round(left, poisoned)
+            self._submit(left, poisoned)
         if poisoned:
             lines = "; ".join(poisoned.values())
-            raise FarmError(f"{len(poisoned)} of the ranges cannot be built, the others are done: {lines}", poisoned)
+            raise FarmError(f"{len(poisoned)} of the units cannot be built, the others are done: {lines}", poisoned)
 
-    def _round(self, left: dict[str, int], poisoned: dict[str, str]) -> None:
+    def _tell(self) -> None:
+        self.progress(self.round, self.done, self.total, self.again)
+
+    def _submit(self, left: dict[str, int], poisoned: dict[str, str]) -> None:
         """Submits what is left, and hears of it until all is done or the scheduler is gone."""
         from distributed import as_completed
 
         client = self.connection.get()
-        submit = _submitter(client, (self.plan, self.depot, self.options))
-        running = {submit(blocks): blocks for blocks in left}
+        submit = _submitter(client, (self.plan, self.depot, self.options), self.places)
+        running = {submit(unit): unit for unit in left}
         with client.as_current():
             results = as_completed(list(running))
         try:
             for future in results:
-                blocks = running.pop(future)
+                unit = running.pop(future)
                 if future.status == "finished":
-                    del left[blocks]
-                    self.done += _length(blocks)
+                    del left[unit]
+                    self.done += 1
+                    self._remember(unit, future.result())
                 elif future.status == "error":
-                    if self._fails(blocks, future.exception(), left, poisoned):
-                        future = submit(blocks)
-                        running[future] = blocks
+                    if self._fails(unit, future.exception(), left, poisoned):
+                        future = submit(unit)
+                        running[future] = unit
                         results.add(future)
                 else:
                     # Cancelled, though not by us: the scheduler does not know of it any more.
-                    raise ConnectionError(f"the scheduler lost blocks {blocks}")
-                self.progress(self.done, self.total, self.again)
+                    raise ConnectionError(f"the scheduler lost {unit}")
+                self._tell()
         except KeyboardInterrupt:
             client.cancel(list(running), force=True)
             raise
         except (OSError, TimeoutError) as error:
-            log.warning("the scheduler is gone (%s); %d ranges are given to the next", error, len(left))
+            log.warning("the scheduler is gone (%s); %d units are given to the next", error, len(left))
             self.connection.lose()
 
-    def _fails(self, blocks: str, error: BaseException | None, left: dict[str, int], poisoned: dict[str, str]) -> bool:
-        """Counts a failure; whether the range is to be tried again."""
-        left[blocks] += 1
+    def _remember(self, unit: str, place: str | None) -> None:
+        name, number = unit.split()
+        if name == "analyse" and place:
+            self.places[f"code {number}"] = place
+
+    def _fails(self, unit: str, error: BaseException | None, left: dict[str, int], poisoned: dict[str, str]) -> bool:
+        """Counts a failure; whether the unit is to be tried again."""
+        left[unit] += 1
         # Not by its class, which a worker without this package has only a copy of.
         code = getattr(error, "code", None)
-        hopeless = code in HOPELESS
-        text = str(error) if code is not None else f"blocks {blocks}: {type(error).__name__}: {error}"
-        log.warning("%s (try %d of %d)", text, left[blocks], self.retries + 1)
-        if hopeless or left[blocks] > self.retries:
-            poisoned[blocks] = text
-            del left[blocks]
+        text = str(error) if code is not None else f"{unit}: {type(error).__name__}: {error}"
+        log.warning("%s (try %d of %d)", text, left[unit], self.retries + 1)
+        if code == DAMAGED:
+            # Not its own fault: what it reads has to be built again first.
+            self.damaged = True
+            del left[unit]
+            return False
+        if code in HOPELESS or left[unit] > self.retries:
+            poisoned[unit] = text
+            del left[unit]
             return False
         self.again += 1
         return True
 
 
-def _submitter(client: Client, arguments: tuple[str, str, dict[str, Any]]) -> Callable[[str], Future]:
+def _submitter(client: Client, arguments: tuple[str, str, dict[str, Any]], places: dict[str, str]) -> Callable[[str], Future]:
     import cloudpickle
 
     # Workers need not have this package.
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     plan, depot, options = arguments
 
-    def submit(blocks: str) -> Future:
-        key = f"ltm-{blocks}-{time.monotonic_ns()}"
-        return client.submit(_build, plan, blocks, depot, dict(options), key=key, pure=False)
+    def submit(unit: str) -> Future:
+        key = f"ltm-{unit}-{time.monotonic_ns()}"
+        place = places.get(unit)
+        where = {"workers": [place], "allow_other_workers": True} if place else {}
+        return client.submit(_build, plan, unit, depot, dict(options), key=key, pure=False, **where)
 
     return submit
 
@@ -338,7 +382,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--shards", help="where the shards go: a folder that all workers see, or s3://BUCKET/PREFIX [default: a folder beside the output]")
     parser.add_argument("--plan", default="", metavar="WORDS", help='options of ltm plan, for example "--samples 256 --each 10min"')
     parser.add_argument("--threads", type=int, default=1, help="threads of a task [default: 1]")
-    parser.add_argument("--retries", type=int, default=3, help="times that a range is tried again [default: 3]")
+    parser.add_argument("--retries", type=int, default=3, help="times that a unit is tried again [default: 3]")
     parser.add_argument("--force", action="store_true", help="replace a container that is there")
     asked = parser.parse_args(words)
     logging.basicConfig(format="%(message)s", level=logging.WARNING)

@@ -54,7 +54,7 @@ fn write_block(writer: &ContainerWriter, id: BlockId, traced: &TracedBlock, colu
         ..Default::default()
     };
     let encoded = writer.encode(id, &block).unwrap();
-    let decoded = writer.decode(id, &encoded).unwrap().expand();
+    let decoded = writer.encoder().decode(id, &encoded).unwrap().expand();
     let (mut squared_error, mut squared_norm) = (0.0, 0.0);
     for (&kept, &stored) in decoded.entries().iter().zip(traced.block.entries()) {
         squared_error += f64::from(kept - stored).powi(2);

@@ -41,6 +41,13 @@ pub(crate) struct Merge {
     /// The plan whose shards are to be made a container.
     #[arg(long, conflicts_with = "partial")]
     plan: Option<PathBuf>,
+    /// With --plan: leave all but the last step to workers. What the next round begins with is put into the place of the shards, and the
+    /// units that are missing are listed (exit code 8); where none is, the container is written.
+    #[arg(long, requires = "plan")]
+    pub(crate) rounds: bool,
+    /// With --rounds: read all shards, and list as missing those whose bytes have changed.
+    #[arg(long, requires = "rounds")]
+    pub(crate) check: bool,
     /// With --plan: merge nothing, and list the ranges that are missing.
     #[arg(long, value_enum, requires = "plan", num_args = 0..=1, require_equals = true, default_missing_value = "ranges")]
     pub(crate) list: Option<Listing>,

@@ -4,8 +4,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser};
-use ltm::farm::{FarmJob, Probe};
+use ltm::farm::{FarmJob, Probe, Round};
 use ltm::files::{read_input_text, write_file};
+use ltm::matrix::MatrixShape;
 use ltm::pipeline::{self, PackOptions};
 use ltm::resources::{human_bytes, parse_bytes};
 use ltm::sample_budget::parse_seconds;
@@ -34,8 +35,11 @@ pub(crate) struct Plan {
     /// Work of a range on one core, for example 5min.
     #[arg(long, value_parser = parse_seconds, default_value = "5min")]
     each: f64,
-    /// Blocks of a range, in place of --each.
-    #[arg(long, conflicts_with = "each")]
+    /// Bytes that a range leaves for the next round at most, for example 256MiB.
+    #[arg(long, value_parser = parse_bytes, default_value = "1GiB")]
+    each_bytes: u64,
+    /// Blocks of a range, in place of --each and --each-bytes.
+    #[arg(long, conflicts_with_all = ["each", "each_bytes"])]
     blocks: Option<u32>,
     #[command(flatten)]
     overrides: Overrides,
@@ -88,6 +92,7 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
     plan.value["shape"] = json!({
         "width": shape.width(), "height": shape.height(), "columns": shape.columns(),
         "block_side": shape.block_side(), "blocks": shape.block_count(), "raw_bytes": shape.raw_bytes(),
+        "windows": ltm::farm::windows(shape).len(),
     });
     plan.value["cleaned"] = json!(denoises);
     let probe = job.probe(console)?;
@@ -98,7 +103,7 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
             .step_by(side.max(1) as usize)
             .map(|first| first..first.saturating_add(side.max(1)).min(shape.block_count()))
             .collect(),
-        None => costs.ranges(target),
+        None => costs.ranges(target, options.each_bytes as f64),
     };
     let setup_seconds = loading_seconds + probe.setup_seconds;
     let whole = costs.of(0..shape.block_count());
@@ -162,18 +167,18 @@ impl Costs<'_> {
         (seconds, bytes as u64)
     }
 
-    /// Ranges of about as many seconds each, none above `most` but for single blocks.
-    fn ranges(&self, most: f64) -> Vec<Range<u32>> {
+    /// Ranges of about as many seconds each, none above `most` seconds or `most_bytes` but for single blocks.
+    fn ranges(&self, most: f64, most_bytes: f64) -> Vec<Range<u32>> {
         let whole = self.of(0..self.blocks).0;
         let each = whole / (whole / most).ceil().max(1.0);
-        let (mut ranges, mut first, mut sum) = (Vec::new(), 0, 0.0);
+        let (mut ranges, mut first, mut sum) = (Vec::new(), 0, (0.0, 0.0));
         for block in 0..self.blocks {
-            let cost = self.of_block(block).0;
-            if block > first && sum + cost > each * 1.001 {
+            let (seconds, bytes) = self.of_block(block);
+            if block > first && (sum.0 + seconds > each * 1.001 || sum.1 + bytes > most_bytes) {
                 ranges.push(first..block);
-                (first, sum) = (block, 0.0);
+                (first, sum) = (block, (0.0, 0.0));
             }
-            sum += cost;
+            sum = (sum.0 + seconds, sum.1 + bytes);
         }
         ranges.push(first..self.blocks);
         ranges
@@ -251,6 +256,19 @@ impl Planned {
             ));
         }
         Ok(job)
+    }
+
+    /// The units of a round.
+    pub(crate) fn units(&self, round: Round) -> Result<Vec<Range<u32>>> {
+        if round != Round::Clean {
+            return Ok(self.ranges.clone());
+        }
+        let number = |name: &str| self.value["shape"][name].as_u64().and_then(|number| u32::try_from(number).ok());
+        let sides = number("width").zip(number("height")).zip(number("columns").zip(number("block_side")));
+        let ((width, height), (columns, side)) = sides.ok_or_else(|| {
+            Error::input(self.path.display().to_string(), "has no usable shape", "make it again with ltm plan")
+        })?;
+        Ok(ltm::farm::windows(MatrixShape::new(width, height, columns, side)?))
     }
 
     /// Numbers of the ranges that have a block in one of these.
