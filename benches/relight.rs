@@ -10,7 +10,8 @@
 //! `LTM_BENCH_MATRIX=path/without/extension` takes a matrix of one's own instead (several with `:` between them): its
 //! `.ltc` relit in every way, from memory and through budgets, against the direct product with its `.ltm`, warm as above; and
 //! once *cold*, from a file that the system's cache has forgotten, against the direct product from such a file, which has the
-//! entries and nothing else; and what a page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
+//! entries and nothing else; and what a page-in costs. Beside it the product with right factors decoded to one value a column, as a
+//! ratio; where there is no `.ltm`, that alone. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
 //!
 //! ```text
 //! ltm render examples/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
@@ -20,6 +21,8 @@
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
+#[path = "relight/decoded.rs"]
+mod decoded;
 #[path = "relight/direct.rs"]
 mod direct;
 mod figures;
@@ -34,6 +37,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use criterion::{BenchmarkGroup, Criterion, Throughput, measurement::WallTime};
+use decoded::Decoded;
 use direct::InMemory;
 use figures::Figures;
 use ltm::container::ContainerReader;
@@ -52,8 +56,13 @@ use rayon::prelude::*;
 const COMMAND: &str = "cargo bench --bench relight";
 const FULL_RANK: usize = 24;
 const KEPT_RANK: usize = 8;
+/// Turns of what is compared with each other, of which the median is told.
+const ROUNDS: usize = 5;
 /// Cold images, of which the median is told.
 const COLD_ROUNDS: usize = 3;
+
+/// Step of right sides of smooth blocks.
+const RIGHT_STEP: f32 = 2.0 / 127.0;
 
 /// Smooth blocks made when they are asked for.
 struct Smooth {
@@ -75,7 +84,9 @@ impl Smooth {
             let (f, size) = (k as f32, 0.55f32.powi(k as i32));
             let base = if k == 0 { 1.0 } else { 0.0 };
             left.extend((0..rows).map(|i| size * (base + (phase + f * (1.0 + i as f32 * 0.004)).sin())));
-            right.extend((0..columns).map(|j| base + (0.3 * phase + f * (0.5 + j as f32 * 0.006)).cos()));
+            // Whole numbers of steps, as those of a container are.
+            let values = (0..columns).map(|j| base + (0.3 * phase + f * (0.5 + j as f32 * 0.006)).cos());
+            right.extend(values.map(|value| (value / RIGHT_STEP).round() * RIGHT_STEP));
         }
         let steps = |peak: f32| (0..rank).map(|k| peak * 0.55f32.powi(k as i32)).collect::<Vec<_>>();
         FactoredBlock {
@@ -85,7 +96,7 @@ impl Smooth {
             right,
             // So coarse that 8 bits are taken.
             left_step: steps(8.0 / 127.0),
-            right_step: vec![8.0 / 127.0; rank],
+            right_step: vec![RIGHT_STEP; rank],
             ..Default::default()
         }
     }
@@ -165,6 +176,7 @@ fn chunk_bytes(source: &dyn FactorSource) -> u64 {
 /// What bringing all blocks in costs on one thread, step by step: the share of it that is reading and checking.
 fn page_in(container: &ContainerReader) -> f64 {
     let shape = FactorSource::shape(container);
+    let transform = container.column_transform();
     let (mut read, mut decode, mut compact) = (0.0, 0.0, 0.0);
     let mut factor_bytes = 0;
     let took = |seconds: &mut f64, start: Instant| *seconds += start.elapsed().as_secs_f64();
@@ -179,10 +191,10 @@ fn page_in(container: &ContainerReader) -> f64 {
                 (0..container.layer_count(id)).map(|layer| container.stored_layer(id, layer).unwrap()).collect();
             took(&mut read, start);
             let start = Instant::now();
-            let block = container.decode_layers(id, &chunks).unwrap();
+            let block = container.decode_coded(id, &chunks).unwrap();
             took(&mut decode, start);
             let start = Instant::now();
-            factor_bytes += CompactBlock::new(shape, id, &block, container.column_scales()).unwrap().bytes();
+            factor_bytes += CompactBlock::new(shape, id, block, &transform).unwrap().bytes();
             took(&mut compact, start);
         }
     }
@@ -434,10 +446,80 @@ fn cold(path: &Path, image: impl Fn(&Path) -> Result<LinearImage>) -> (LinearIma
     rounds.swap_remove(COLD_ROUNDS / 2)
 }
 
+/// What right factors as coefficients are beside decoded ones, which are held with a value for each column: turn by turn, so that both
+/// meet the same machine.
+fn measure_decoded(container: &ContainerReader, case: &str, figures: &mut Figures) {
+    let (shape, scales) = (container.job().shape, container.column_scales());
+    let (coded, decoded) = (CpuRelighter::load(container).unwrap(), Decoded::load(container));
+    let [left_bytes, right_bytes] = decoded.bytes();
+    let mut image = LinearImage::black(shape.width(), shape.height());
+    let mut rows = Vec::new();
+    let columns = shape.columns();
+    let mut one = vec![[0.0; CHANNELS]; columns];
+    one[columns / 3] = [1.0, 0.5, 0.25];
+    let lightings = [
+        ("the scene's light", Lighting::of_scene(&container.job().basis)),
+        ("a random light", relight_source::random_lighting(columns, 1)),
+        ("one column", Lighting::new(one).unwrap()),
+    ];
+    let held = coded.factor_bytes() as f64;
+    println!(
+        "{} rows × {columns} columns, mean rank {:.1}, blocks of {}: {:.2} MB in the file; in memory {:.2} MB, of which left          sides take some {:.2}; decoded {:.2} MB, right sides {:.2}",
+        shape.rows(),
+        coded.mean_rank(),
+        shape.block_side(),
+        container.file_bytes() as f64 / 1e6,
+        held / 1e6,
+        left_bytes as f64 / 1e6,
+        (left_bytes + right_bytes) as f64 / 1e6,
+        right_bytes as f64 / 1e6,
+    );
+    figures.add(case, "held_over_file", held / container.file_bytes() as f64);
+    figures.add(case, "decoded_over_file", (left_bytes + right_bytes) as f64 / container.file_bytes() as f64);
+    for (name, lighting) in &lightings {
+        let mut ratios: Vec<(f64, f64)> = (0..ROUNDS)
+            .map(|_| {
+                let of_decoded = mean_secs(|| decoded.product(lighting, scales, &mut rows));
+                (mean_secs(|| coded.relight_into(lighting, &mut image).unwrap()), of_decoded)
+            })
+            .collect();
+        ratios.sort_by(|a, b| (a.1 / a.0).total_cmp(&(b.1 / b.0)));
+        let ((coded, decoded), ratio) = (ratios[ROUNDS / 2], |at: usize| ratios[at].1 / ratios[at].0);
+        println!(
+            "  {name}: {:.3} ms, decoded {:.3} ms: {:.2} × ({:.2} to {:.2})",
+            1e3 * coded,
+            1e3 * decoded,
+            ratio(ROUNDS / 2),
+            ratio(0),
+            ratio(ROUNDS - 1),
+        );
+        figures.add(&format!("{case}: {name}"), "decoded_over_it", ratio(ROUNDS / 2));
+    }
+    let mut kept = coded.relight_kept(&lightings[0].1).unwrap();
+    for (name, step) in [("one light changed", columns), ("a stroke over a hundredth of the columns", 1)] {
+        let mut round = 0;
+        let secs = mean_secs(|| {
+            round += 1;
+            let count = if step == 1 { columns / 100 } else { 1 };
+            let weight = [round as f32 % 3.0; CHANNELS];
+            let first = round * 37 % (columns - count);
+            let changes: Vec<_> = (first..first + count).map(|j| (ColumnIndex(j as u32), weight)).collect();
+            coded.change(&mut kept, &changes).unwrap();
+        });
+        println!("  {name}: {:.3} ms", 1e3 * secs);
+        figures.add(&format!("{case}: {name}"), "milliseconds", 1e3 * secs);
+    }
+}
+
 /// A matrix of one's own, as a container and stored.
-fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: Figures) -> Figures {
+fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, mut figures: Figures) -> Figures {
     let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
     let path = stem.with_extension("ltm");
+    let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
+    measure_decoded(&container, &name, &mut figures);
+    if !path.exists() {
+        return figures;
+    }
     let lighting = Lighting::of_scene(&container.job().basis);
     let (reference, stored_secs) =
         cold(&path, |path| Ok(relight_raw(&StoreReader::open(path)?, std::slice::from_ref(&lighting))?.remove(0)));
@@ -454,7 +536,6 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
         container.file_bytes() as f64 / 1e6,
     );
     let read_share = page_in(&container);
-    let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
     let case = name.into_owned();
     let mut ruler = Ruler { bandwidth, reference, direct: DirectSecs::default(), case, figures };

@@ -1,60 +1,54 @@
-// What the kernels named project share: their arrays, the part of four components' dot products that one thread of their
-// workgroup adds up, and where the sums go. Four at once, so that what is read of the lighting serves all of them.
+// What the kernels named project share: their arrays, and the part of a component's dot product that one thread of its workgroup
+// adds up.
 
 @group(0) @binding(0) var<uniform> sizes: Sizes;
-// A plane for each channel, in fours.
+// A plane for each channel, in fours: first of coefficients, then of columns.
 @group(0) @binding(1) var<storage, read> lighting: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> components: array<Component>;
 @group(0) @binding(4) var<storage, read_write> projected: array<f32>;
+@group(0) @binding(5) var<storage, read> cells: array<Cell>;
 
-// Components of one workgroup: a mat4x3 holds their sums.
-const TOGETHER: u32 = 4u;
+// Threads that share a cell: a workgroup has four at once.
+const SHARING: u32 = 16u;
 
-// A component; one that adds nothing where there is none.
-fn component_at(index: u32) -> Component {
-    if index < sizes.components {
-        return components[index];
+// Bits of an entry that are its place in the tile; the six above them are its number.
+const PLACE_BITS: u32 = 10u;
+
+fn entry_product(first: u32, entry: u32) -> vec3<f32> {
+    let place = first + extractBits(entry, 0u, PLACE_BITS);
+    let number = f32(extractBits(bitcast<i32>(entry), PLACE_BITS, 6u));
+    let quad = place / 4u;
+    let quads = sizes.coefficients / 4u;
+    let weights = mat3x4<f32>(lighting[quad], lighting[quads + quad], lighting[2u * quads + quad]);
+    let lane = place % 4u;
+    return number * vec3<f32>(weights[0][lane], weights[1][lane], weights[2][lane]);
+}
+
+fn partial_product(component: Component, thread: u32) -> vec3<f32> {
+    let quads = sizes.coefficients / 4u;
+    var total = vec3<f32>();
+    for (var i = thread / SHARING; i < component.cells; i += THREADS / SHARING) {
+        let cell = cells[component.first_cell + i];
+        let dense = 4u * (cell.lengths & 0xffffu);
+        let pairs = ((cell.lengths >> 16u) + 1u) / 2u;
+        var sum = vec3<f32>();
+        for (var word = thread % SHARING; word < dense; word += SHARING) {
+            let quad = cell.first / 4u + word;
+            let weights = mat3x4<f32>(lighting[quad], lighting[quads + quad], lighting[2u * quads + quad]);
+            sum += signed_bytes(factors[cell.word + word]) * weights;
+        }
+        // An odd number of entries is filled up with one of number 0.
+        for (var pair = thread % SHARING; pair < pairs; pair += SHARING) {
+            let word = factors[cell.word + dense + pair];
+            sum += entry_product(cell.first, word & 0xffffu) + entry_product(cell.first, word >> 16u);
+        }
+        total += cell.scale * sum;
     }
-    return Component(0u, 0u, NARROW_RIGHT | NARROW_LEFT, 0.0);
+    return total;
 }
 
-fn is_right_narrow(component: Component) -> bool {
-    return (component.narrow & NARROW_RIGHT) != 0u;
-}
-
-fn right_words(component: Component, quad: u32) -> vec2<u32> {
-    return words(component.right_word, quad, is_right_narrow(component));
-}
-
-fn partial_products(first: u32, thread: u32) -> mat4x3<f32> {
-    let a = component_at(first);
-    let b = component_at(first + 1u);
-    let c = component_at(first + 2u);
-    let d = component_at(first + 3u);
-    let quads = (sizes.columns + 3u) / 4u;
-    var sums = mat4x3<f32>();
-    for (var quad = thread; quad < quads; quad += THREADS) {
-        let weights = mat3x4<f32>(lighting[quad], lighting[quads + quad], lighting[2u * quads + quad]);
-        // All loads before the first branch.
-        let of_a = right_words(a, quad);
-        let of_b = right_words(b, quad);
-        let of_c = right_words(c, quad);
-        let of_d = right_words(d, quad);
-        sums += mat4x3<f32>(
-            values(of_a, is_right_narrow(a)) * weights,
-            values(of_b, is_right_narrow(b)) * weights,
-            values(of_c, is_right_narrow(c)) * weights,
-            values(of_d, is_right_narrow(d)) * weights);
-    }
-    return sums;
-}
-
-fn store(first: u32, sums: mat4x3<f32>) {
-    for (var i = 0u; i < min(TOGETHER, sizes.components - first); i++) {
-        let total = sums[i] * components[first + i].scale;
-        let at = 3u * (first + i);
-        projected[at] = total.x;
-        projected[at + 1u] = total.y;
-        projected[at + 2u] = total.z;
-    }
+fn store(component: u32, sum: vec3<f32>) {
+    projected[3u * component] = sum.x;
+    projected[3u * component + 1u] = sum.y;
+    projected[3u * component + 2u] = sum.z;
 }

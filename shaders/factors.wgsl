@@ -2,7 +2,7 @@
 
 @group(0) @binding(3) var<storage, read> factors: array<u32>;
 
-// The words of the four values at `quad` of those that begin with a word: one in 8 bits, two in 16. The one is read twice:
+// The words of the four values of a left side at `quad` of those that begin with a word: one in 8 bits, two in 16. The one is read twice:
 // loads without branches overlap.
 fn words(first: u32, quad: u32, is_narrow: bool) -> vec2<u32> {
     let wide = select(1u, 0u, is_narrow);

@@ -2,24 +2,33 @@
 
 const THREADS: u32 = 64u;
 
-// Bits of Component.narrow.
-const NARROW_RIGHT: u32 = 1u;
-const NARROW_LEFT: u32 = 2u;
-
 // Numbers of things in a bank of blocks.
 struct Sizes {
     columns: u32,
+    // Coefficients of a plane of the lighting, a multiple of four.
+    coefficients: u32,
     components: u32,
     blocks: u32,
     sparse_rows: u32,
 }
 
 struct Component {
-    right_word: u32,
+    // Its cells: what its right side has in each tile of the transform, in one or more parts that add up.
+    first_cell: u32,
+    cells: u32,
     left_word: u32,
-    // Which factors are in 8 bits; else 16-bit floats. Both where the scale is 0 and nothing stands at the words: whatever
-    // is read there in 8 bits is finite.
-    narrow: u32,
+    // Whether the left side is in 8 bits; else 16-bit floats. Also where nothing stands at the word: whatever is read there in
+    // 8 bits is finite.
+    is_narrow: u32,
+}
+
+struct Cell {
+    // Where it begins among the factors: dense numbers, a byte each, then entries, two bytes each.
+    word: u32,
+    // Groups of sixteen dense numbers, and above the lowest 16 bits entries.
+    lengths: u32,
+    // Where its tile begins in a plane of the lighting, a multiple of four.
+    first: u32,
     scale: f32,
 }
 

@@ -18,7 +18,7 @@ struct Planes {
 }
 
 fn is_left_narrow(component: Component) -> bool {
-    return (component.narrow & NARROW_LEFT) != 0u;
+    return component.is_narrow != 0u;
 }
 
 // The words of four pixels: `quads` is the number of fours in a plane.

@@ -2,7 +2,7 @@
 // One thread for each row that has sparse entries, so that no two write to the same place.
 
 @group(0) @binding(0) var<uniform> sizes: Sizes;
-// A plane for each channel, in fours.
+// A plane for each channel, in fours: first of coefficients, then of columns.
 @group(0) @binding(1) var<storage, read> lighting: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> rows: array<SparseRow>;
 @group(0) @binding(3) var<storage, read> entries: array<SparseEntry>;
@@ -19,7 +19,8 @@ fn scatter(
         return;
     }
     let row = rows[index];
-    let plane = (row.target_index % 3u) * ((sizes.columns + 3u) / 4u);
+    let channel = row.target_index % 3u;
+    let plane = 3u * (sizes.coefficients / 4u) + channel * ((sizes.columns + 3u) / 4u);
     var sum = 0.0;
     for (var i = row.first; i < row.end; i++) {
         let column = entries[i].column;

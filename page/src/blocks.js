@@ -1,7 +1,8 @@
 // Blocks of factors on the CPU: `c = L (R ℓ) + S ℓ`, for pictures, single pixels and luminances.
 
-/** @import { Factors } from './codec.js' */
+/** @import { ColumnTile, Factors, RightRow } from './codec.js' */
 /** @import { Tone, Rgb } from './colour.js' */
+import { coefficientsOf } from './codec.js';
 import { showBlock } from './colour.js';
 
 /**
@@ -26,65 +27,96 @@ export function rectOf(shape, id) {
 }
 
 /**
- * The columns whose weight is not what it was, and by how much; `weights` are three planes of columns.
+ * What has changed of a lighting: of each tile of columns that has, three planes of coefficients, or null for one that is 0.
+ * @typedef {{ tile: number, planes: (Float64Array | null)[] }[]} Changes
+ */
+
+/**
+ * By how much the weights are not what they were, as coefficients; `weights` are three planes of columns.
+ * @param {ColumnTile[]} tiles
  * @param {Float32Array} weights
  * @param {Float32Array | null} before
+ * @returns {Changes}
  */
-export function changesOf(weights, before) {
+export function changesOf(tiles, weights, before) {
   const columns = weights.length / 3;
-  /** @type {number[]} */
-  const changed = [];
   const deltas = new Float64Array(weights.length);
   for (let i = 0; i < weights.length; i++) deltas[i] = weights[i] - (before ? before[i] : 0);
-  for (let j = 0; j < columns; j++) {
-    if (deltas[j] !== 0 || deltas[columns + j] !== 0 || deltas[2 * columns + j] !== 0) changed.push(j);
+  return tiles.flatMap((place, tile) => {
+    const planes = [0, 1, 2].map((channel) => coefficientsOf(place, deltas, channel * columns));
+    return planes.some((plane) => plane) ? [{ tile, planes }] : [];
+  });
+}
+
+/** Changes to one lighting, each from the lighting before of some blocks: computed once for all of them. */
+export class ChangesTo {
+  /** @param {ColumnTile[]} tiles @param {Float32Array} weights */
+  constructor(tiles, weights) {
+    this.tiles = tiles;
+    this.weights = weights;
+    /** @type {Map<Float32Array | null, Changes>} */
+    this.changes = new Map();
   }
-  return { changed, deltas };
+
+  /** @param {Float32Array | null} before */
+  from(before) {
+    let changes = this.changes.get(before);
+    if (!changes) this.changes.set(before, (changes = changesOf(this.tiles, this.weights, before)));
+    return changes;
+  }
 }
 
 /** The sums `R ℓ` of a block under one lighting after another: only what changed is added. */
 export class Projection {
-  /** @param {Float32Array} right, a value a column for each component. @param {number} rank @param {number} columns */
-  constructor(right, rank, columns) {
-    this.right = right;
-    this.rank = rank;
-    this.columns = columns;
+  /** @param {RightRow[]} rows that add up to the right sides. @param {number} rank */
+  constructor(rows, rank) {
+    this.rows = rows;
     this.sums = new Float64Array(3 * rank);
+    /** The lighting that the sums are those of. @type {Float32Array | null} */
+    this.weights = null;
   }
 
-  /** @param {{ changed: number[], deltas: Float64Array }} changes */
-  add({ changed, deltas }) {
-    const { right, columns, sums } = this;
-    for (let k = 0; k < this.rank; k++) {
-      let [r, g, b] = [0, 0, 0];
-      for (let i = 0; i < changed.length; i++) {
-        const j = changed[i];
-        const value = right[k * columns + j];
-        r += value * deltas[j];
-        g += value * deltas[columns + j];
-        b += value * deltas[2 * columns + j];
+  /** Brings the sums to another lighting; says whether they were of another. @param {ChangesTo} changes */
+  bring(changes) {
+    if (this.weights === changes.weights) return false;
+    this.add(changes.from(this.weights));
+    this.weights = changes.weights;
+    return true;
+  }
+
+  /** @param {Changes} changes */
+  add(changes) {
+    for (const { component, ends, places, values } of this.rows) {
+      for (const { tile, planes } of changes) {
+        const [begin, end] = [tile > 0 ? ends[tile - 1] : 0, ends[tile]];
+        for (let channel = 0; channel < 3; channel++) {
+          const plane = planes[channel];
+          if (!plane) continue;
+          let sum = 0;
+          for (let i = begin; i < end; i++) sum += values[i] * plane[places[i]];
+          this.sums[3 * component + channel] += sum;
+        }
       }
-      sums[3 * k] += r;
-      sums[3 * k + 1] += g;
-      sums[3 * k + 2] += b;
     }
   }
 }
 
 /** Blocks of one picture, as they are known so far. */
 export class BlockStore {
-  /** @param {Shape} shape @param {number} columns */
-  constructor(shape, columns) {
+  /** @param {Shape} shape @param {number} columns @param {ColumnTile[]} tiles */
+  constructor(shape, columns, tiles) {
     this.shape = shape;
     this.columns = columns;
-    /** @type {Map<number, { factors: Factors, projection: Projection, weights: Float32Array | null }>} */
+    this.tiles = tiles;
+    /** @type {Map<number, { factors: Factors, projection: Projection }>} */
     this.blocks = new Map();
+    /** @type {ChangesTo | null} */
+    this.changes = null;
   }
 
   /** @param {number} id @param {Factors} factors */
   set(id, factors) {
-    const projection = new Projection(factors.right, factors.rank, this.columns);
-    this.blocks.set(id, { factors, projection, weights: null });
+    this.blocks.set(id, { factors, projection: new Projection(factors.right, factors.rank) });
   }
 
   /** @param {number} id */
@@ -101,10 +133,8 @@ export class BlockStore {
     const block = this.blocks.get(id);
     if (!block) return null;
     const { factors, projection } = block;
-    if (block.weights !== weights) {
-      projection.add(changesOf(weights, block.weights));
-      block.weights = weights;
-    }
+    if (this.changes?.weights !== weights) this.changes = new ChangesTo(this.tiles, weights);
+    projection.bring(/** @type {ChangesTo} */ (this.changes));
     const rect = rectOf(this.shape, id);
     const pixels = rect.width * rect.height;
     const planes = new Float32Array(3 * pixels);

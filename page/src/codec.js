@@ -3,15 +3,22 @@
 import { BitDecoder, CLASSES, NUMBER_CONTEXTS, RansDecoder, SIGNED_CONTEXTS } from './coder.js';
 
 /**
- * A block `L R + S`. `left`: three planes of pixels for each component; `right`: a value a column for each. Sparse entries: of
- * each its column, its row (channel · pixels + pixel) and its value. `fineness`: how much finer each band of a right side is
- * stored, in half octaves; empty: all alike.
- * @typedef {{ rank: number, left: Float32Array, right: Float32Array, sparse: Sparse, fineness: Int8Array }} Factors
+ * A block `L R + S`. `left`: three planes of pixels for each component; `right`: rows of coefficients that add up to its right
+ * sides. Sparse entries: of each its column, its row (channel · pixels + pixel) and its value. `fineness`: how much finer each
+ * band of a right side is stored, in half octaves; empty: all alike.
+ * @typedef {{ rank: number, left: Float32Array, right: RightRow[], sparse: Sparse, fineness: Int8Array }} Factors
+ * What is not zero of a row: place in its tile and value, and for each tile where they end.
+ * @typedef {{ component: number, ends: Uint32Array, places: Uint16Array, values: Float32Array }} RightRow
  * @typedef {{ columns: Uint32Array, rows: Uint32Array, values: Float32Array }} Sparse
  */
 /**
  * The columns as little images, as src/container/layout.rs cuts them.
  * @typedef {{ across: number, down: number, isImage: boolean }} LightPlane
+ */
+
+/**
+ * Columns that are transformed together: by the cosine transform where they are texels of an image.
+ * @typedef {{ first: number, stride: number, width: number, height: number, isImage: boolean }} ColumnTile
  */
 
 const ZONES = 10;
@@ -32,6 +39,7 @@ const ZONE_STEPS = [
   [0, -1, -3, -5, -6, -6, -6, -6, -6, -6],
 ].map((steps) => Int8Array.from(steps));
 const NO_FINENESS = new Int8Array(0);
+const NO_VALUES = new Float32Array(0);
 
 /** Where each group of contexts of the side stream begins. */
 const [FINENESS, TILE, LEFT_STEP, RIGHT_STEP, ROTATION, BANDS, COLUMN, GAPS, START, MASKS, FIRST, OTHERS, CONTEXTS] = [
@@ -50,6 +58,72 @@ export function lightPlanes(lights) {
     else planes.push({ across, down, isImage });
   }
   return planes;
+}
+
+/** Columns of a tile that is not transformed. */
+const MOST_COLUMNS = 1024;
+
+/** The tiles of the columns, as src/matrix/column_transform.rs cuts them. @param {LightPlane[]} planes */
+export function columnTiles(planes) {
+  /** @type {ColumnTile[]} */
+  const tiles = [];
+  let begin = 0;
+  for (const { across, down, isImage } of planes) {
+    const [wide, high] = isImage ? [MAX_TILE, MAX_TILE] : [MOST_COLUMNS, 1];
+    for (let y = 0; y < down; y += high) {
+      for (let x = 0; x < across; x += wide) {
+        const [width, height] = [Math.min(wide, across - x), Math.min(high, down - y)];
+        tiles.push({ first: begin + y * across + x, stride: across, width, height, isImage });
+      }
+    }
+    begin += across * down;
+  }
+  return tiles;
+}
+
+/**
+ * The coefficients of one value a column in a tile, `v · width + u`; null where all are 0.
+ * @param {ColumnTile} tile
+ * @param {Float64Array} values
+ * @param {number} offset of the first column
+ */
+export function coefficientsOf({ first, stride, width, height, isImage }, values, offset) {
+  const begin = offset + first;
+  const value = values[begin];
+  let [isEven, isDark] = [true, true];
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) {
+      const here = values[begin + y * stride + x];
+      if (here !== value) isEven = false;
+      if (here !== 0) isDark = false;
+    }
+  }
+  if (isDark) return null;
+  const out = new Float64Array(width * height);
+  if (!isImage) {
+    out.set(values.subarray(begin, begin + width));
+  } else if (isEven) {
+    out[0] = value * Math.sqrt(width * height);
+  } else {
+    const [across, down] = [cosinesOf(width), cosinesOf(height)];
+    const row = new Float64Array(width);
+    for (let y = 0; y < height; y++) {
+      row.fill(0);
+      let isLit = false;
+      for (let x = 0; x < width; x++) {
+        const here = values[begin + y * stride + x];
+        if (here === 0) continue;
+        isLit = true;
+        for (let u = 0; u < width; u++) row[u] += here * across[u * width + x];
+      }
+      if (!isLit) continue;
+      for (let v = 0; v < height; v++) {
+        const cosine = down[v * height + y];
+        for (let u = 0; u < width; u++) out[v * width + u] += row[u] * cosine;
+      }
+    }
+  }
+  return out;
 }
 
 /** @param {number} index */
@@ -140,18 +214,19 @@ function inverse(tile, width, height, out, first, stride) {
 const SCRATCH = { integers: new Int32Array(0), tiles: new Float32Array(0) };
 
 /**
- * Reads an image into `out` at a place. `tile`: side of its tiles; 0: values as they are.
+ * Reads the coefficients of an image into `SCRATCH.tiles`, tile by tile; the tiles, none where all are zero. `tile`: side of its
+ * tiles; 0: values as they are, which stand in one.
  * @param {RansDecoder} decoder
  * @param {number[]} classes
  * @param {{ width: number, height: number, tile: number }} shape
  * @param {number} stepIndex
  * @param {Int8Array} fineness
- * @param {Float32Array} out
- * @param {number} first
  */
-function readImage(decoder, classes, { width, height, tile: side }, stepIndex, fineness, out, first) {
+function readTiles(decoder, classes, { width, height, tile: side }, stepIndex, fineness) {
   const size = width * height;
-  if (classes.slice(0, side === 0 ? 1 : ZONES).every((c) => c === 0)) return;
+  /** @type {{ x: number, y: number, w: number, h: number, at: number, scan: Uint16Array[] }[]} */
+  const cut = [];
+  if (classes.slice(0, side === 0 ? 1 : ZONES).every((c) => c === 0)) return cut;
   if (SCRATCH.integers.length < size) {
     SCRATCH.integers = new Int32Array(size);
     SCRATCH.tiles = new Float32Array(size);
@@ -161,12 +236,10 @@ function readImage(decoder, classes, { width, height, tile: side }, stepIndex, f
     decoder.readBand(classes[0], integers, size);
     const step = stepOf(stepIndex);
     for (let i = 0; i < size; i++) {
-      out[first + i] = integers[i] * (fineness.length > 0 ? stepOf(stepIndex - 4 * fineness[i]) : step);
+      tiles[i] = integers[i] * (fineness.length > 0 ? stepOf(stepIndex - 4 * fineness[i]) : step);
     }
-    return;
+    return [{ x: 0, y: 0, w: width, h: height, at: 0, scan: [] }];
   }
-  /** @type {{ x: number, y: number, w: number, h: number, at: number, scan: Uint16Array[] }[]} */
-  const cut = [];
   let at = 0;
   for (let y = 0; y < height; y += side) {
     for (let x = 0; x < width; x += side) {
@@ -187,9 +260,80 @@ function readImage(decoder, classes, { width, height, tile: side }, stepIndex, f
       for (let i = 0; i < places.length; i++) tiles[tile.at + places[i]] = integers[next++] * step;
     }
   }
-  for (const { x, y, w, h, at: begin } of cut) {
-    inverse(tiles.subarray(begin, begin + w * h), w, h, out, first + y * width + x, width);
+  return cut;
+}
+
+/**
+ * Reads an image of pixels into `out` at a place, where zeros stand.
+ * @param {RansDecoder} decoder
+ * @param {number[]} classes
+ * @param {{ width: number, height: number, tile: number }} shape
+ * @param {number} stepIndex
+ * @param {Int8Array} fineness
+ * @param {Float32Array} out
+ * @param {number} first
+ */
+function readImage(decoder, classes, shape, stepIndex, fineness, out, first) {
+  for (const { x, y, w, h, at } of readTiles(decoder, classes, shape, stepIndex, fineness)) {
+    inverse(SCRATCH.tiles.subarray(at, at + w * h), w, h, out, first + y * shape.width + x, shape.width);
   }
+}
+
+/** Gathers what is not zero of a row. */
+class RowBuilder {
+  constructor() {
+    /** @type {number[]} */
+    this.ends = [];
+    this.places = new Uint16Array(256);
+    this.values = new Float32Array(256);
+    this.count = 0;
+  }
+
+  /** Appends a tile of the row. @param {Float32Array} tile */
+  push(tile) {
+    if (this.count + tile.length > this.places.length) {
+      const [places, values] = [this.places, this.values];
+      const room = 2 * (this.count + tile.length);
+      [this.places, this.values] = [new Uint16Array(room), new Float32Array(room)];
+      this.places.set(places.subarray(0, this.count));
+      this.values.set(values.subarray(0, this.count));
+    }
+    for (let i = 0; i < tile.length; i++) {
+      if (tile[i] === 0) continue;
+      this.places[this.count] = i;
+      this.values[this.count++] = tile[i];
+    }
+    this.ends.push(this.count);
+  }
+
+  /** @param {number} component @returns {RightRow} */
+  finish(component) {
+    const [places, values] = [this.places.slice(0, this.count), this.values.slice(0, this.count)];
+    return { component, ends: Uint32Array.from(this.ends), places, values };
+  }
+}
+
+/**
+ * Reads an image of texels, or a row of lights of one column, onto the end of a row.
+ * @param {RansDecoder} decoder
+ * @param {number[]} classes
+ * @param {LightPlane} plane
+ * @param {number} stepIndex
+ * @param {Int8Array} fineness
+ * @param {RowBuilder} row
+ */
+function readRight(decoder, classes, { across, down, isImage }, stepIndex, fineness, row) {
+  const shape = { width: across, height: down, tile: isImage ? MAX_TILE : 0 };
+  const cut = readTiles(decoder, classes, shape, stepIndex, fineness);
+  if (!isImage) {
+    for (let x = 0; x < across; x += MOST_COLUMNS) {
+      row.push(cut.length > 0 ? SCRATCH.tiles.subarray(x, Math.min(x + MOST_COLUMNS, across)) : NO_VALUES);
+    }
+    return;
+  }
+  for (const { w, h, at } of cut) row.push(SCRATCH.tiles.subarray(at, at + w * h));
+  const count = Math.ceil(across / MAX_TILE) * Math.ceil(down / MAX_TILE);
+  for (let i = cut.length; i < count; i++) row.push(NO_VALUES);
 }
 
 /**
@@ -296,11 +440,8 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
   // The base layer's other components, which this one has nothing to say of, stay between those that it refines and its own.
   const kept = before - shared;
   const left = new Float32Array((rank + kept) * rows);
-  const right = new Float32Array((rank + kept) * columns);
-  if (base) {
-    left.set(base.left.subarray(shared * rows), shared * rows);
-    right.set(base.right.subarray(shared * columns), shared * columns);
-  }
+  const right = base ? base.right.slice() : [];
+  if (base) left.set(base.left.subarray(shared * rows), shared * rows);
   if (rank > 0) {
     const decoder = new RansDecoder(chunk.values, chunk.states, chunk.low);
     let head = { tile: 0, left: 0, right: 0, rotation: 0 };
@@ -338,17 +479,16 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
         readImage(decoder, readClasses(Math.min(channel, 1)), shape, head.left, zones, left, first);
       }
       turnBack(left, place * rows, pixels, head.rotation);
-      let [first, band] = [place * columns, 0];
+      let band = 0;
+      const row = new RowBuilder();
       for (const plane of planes) {
-        const image = { width: plane.across, height: plane.down, tile: plane.isImage ? MAX_TILE : 0 };
         const finer = fineness.subarray(band, band + bandsOf(plane));
-        readImage(decoder, readClasses(2), image, head.right, finer, right, first);
+        readRight(decoder, readClasses(2), plane, head.right, finer, row);
         band += bandsOf(plane);
-        first += plane.across * plane.down;
       }
+      right.push(row.finish(place));
       if (base && k < shared) {
         for (let i = k * rows; i < (k + 1) * rows; i++) left[i] += base.left[i];
-        for (let i = k * columns; i < (k + 1) * columns; i++) right[i] += base.right[i];
       }
       if (side.isExhausted()) throw new Error("the chunk's steps and classes are cut short");
     }
@@ -360,7 +500,7 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
 
 /** A black block. @returns {Factors} */
 export function noFactors() {
-  return { rank: 0, left: new Float32Array(0), right: new Float32Array(0), sparse: noSparse(), fineness: NO_FINENESS };
+  return { rank: 0, left: new Float32Array(0), right: [], sparse: noSparse(), fineness: NO_FINENESS };
 }
 
 /** @returns {Sparse} */

@@ -5,7 +5,7 @@
 /** @import { Tone } from './colour.js' */
 /** @import { Head, Level } from './stream.js' */
 /** @import { BlockNews } from './worker.js' */
-import { lightPlanes, noFactors } from './codec.js';
+import { columnTiles, lightPlanes, noFactors } from './codec.js';
 import { gridOf } from './blocks.js';
 import { GlPainter } from './webgl.js';
 import { GpuPainter } from './webgpu.js';
@@ -51,7 +51,7 @@ export class Engine {
    * @param {Head} head
    * @param {string} script the page's own script, for workers
    * @param {string | null} wish a way to compute, or null for the best
-   * @param {{ changed: () => void, bad: (news: BlockNews) => void, way: (way: string) => void,
+   * @param {{ changed: (news: BlockNews | null) => void, bad: (news: BlockNews) => void, way: (way: string) => void,
    *   failed: (why: string) => void }} listener
    */
   constructor(head, script, wish, listener) {
@@ -95,15 +95,16 @@ export class Engine {
     else this.waiting.forEach(({ level, id, factors }) => this.painters[level].setBlock(id, factors));
     this.waiting = [];
     this.listener.way(this.way);
-    this.listener.changed();
+    this.listener.changed(null);
   }
 
   /** @param {string} way @returns {Promise<Painter[]>} */
   async open(way) {
     const { levels, columns } = this.head;
     const lost = () => this.fallBack(way);
-    if (way === 'webgpu') return Promise.all(levels.map((level) => GpuPainter.open(level, columns, lost)));
-    if (way === 'webgl2') return levels.map((level) => new GlPainter(level, columns, lost));
+    const tiles = columnTiles(this.planes);
+    if (way === 'webgpu') return Promise.all(levels.map((level) => GpuPainter.open(level, columns, tiles, lost)));
+    if (way === 'webgl2') return levels.map((level) => new GlPainter(level, columns, tiles, lost));
     return levels.map((level, index) => new CrewPainter(level, index, this.crew));
   }
 
@@ -133,7 +134,7 @@ export class Engine {
         else this.painters[news.level].setBlock(news.id, news.factors);
       }
     }
-    this.listener.changed();
+    this.listener.changed(news);
   }
 
   /** Whether every block is known, be it coarsely. @param {number} level */

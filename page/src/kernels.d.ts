@@ -1,2 +1,2 @@
 // What the program puts in front of the page's modules: the kernels of shaders/, joined.
-declare const KERNELS: { project: string; reconstruct: string; scatter: string; tone: string };
+declare const KERNELS: { reconstruct: string; scatter: string; tone: string };

@@ -93,7 +93,9 @@ class Page {
     this.other = layer();
     const wish = new URLSearchParams(location.search).get('compute');
     this.engine = new Engine(head, script, wish, {
-      changed: () => {
+      changed: (news) => {
+        // The first layer of the preview has what all lights do together; the next tells them apart.
+        if (news?.level === 0 && news.layer > 0) this.areThumbsOld = true;
         this.isOtherOld = true;
         this.request();
       },

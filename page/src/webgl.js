@@ -1,10 +1,10 @@
 // Pictures by WebGL 2: left sides in an array of textures, a square for each component; the sums `R ℓ` are made here, and one pass
 // over the pixels does the rest. The twin of shaders/reconstruct.wgsl, scatter.wgsl and tone.wgsl.
 
-/** @import { Factors } from './codec.js' */
+/** @import { ColumnTile, Factors } from './codec.js' */
 /** @import { Tone } from './colour.js' */
 /** @import { Level } from './stream.js' */
-import { Projection, changesOf, gridOf, rectOf } from './blocks.js';
+import { ChangesTo, Projection, gridOf, rectOf } from './blocks.js';
 
 /** Widest row of textures that are only lists. */
 const LIST_WIDTH = 1024;
@@ -156,10 +156,11 @@ export function slotsOf(ranks) {
 
 /** One level of the picture on a GPU by WebGL 2. Throws where there is none, or it is too small. */
 export class GlPainter {
-  /** @param {Level} level @param {number} columns @param {() => void} onLost */
-  constructor(level, columns, onLost) {
+  /** @param {Level} level @param {number} columns @param {ColumnTile[]} tiles @param {() => void} onLost */
+  constructor(level, columns, tiles, onLost) {
     this.level = level;
     this.columns = columns;
+    this.tiles = tiles;
     this.canvas = document.createElement('canvas');
     this.canvas.width = level.width;
     this.canvas.height = level.height;
@@ -211,7 +212,7 @@ export class GlPainter {
     gl.uniform1i(gl.getUniformLocation(this.program, 'pictureHeight'), level.height);
     gl.viewport(0, 0, level.width, level.height);
     if (gl.getError() !== gl.NO_ERROR) throw new Error('the GPU has not enough memory');
-    /** @type {({ projection: Projection, scales: number[], weights: Float32Array | null } | null)[]} */
+    /** @type {({ projection: Projection, scales: number[] } | null)[]} */
     this.blocks = level.ranks.map(() => null);
     this.isTableNew = true;
     this.areEntriesNew = true;
@@ -255,7 +256,7 @@ export class GlPainter {
         gl.TEXTURE_2D_ARRAY, 0, x, y, layer, rect.width, rect.height, 1, gl.RGBA, gl.HALF_FLOAT, texels);
     }
     this.setSparse(id, factors, rect, pixels);
-    this.blocks[id] = { projection: new Projection(factors.right, factors.rank, this.columns), scales, weights: null };
+    this.blocks[id] = { projection: new Projection(factors.right, factors.rank), scales };
     this.table.set([this.first[id], factors.rank, 1, 0], 4 * id);
     this.isTableNew = true;
   }
@@ -291,14 +292,9 @@ export class GlPainter {
    */
   async draw(weights, tone) {
     const { gl, columns } = this;
-    /** @type {Map<Float32Array | null, { changed: number[], deltas: Float64Array }>} */
-    const changes = new Map();
+    const changes = new ChangesTo(this.tiles, weights);
     this.blocks.forEach((block, id) => {
-      if (!block || block.weights === weights) return;
-      let change = changes.get(block.weights);
-      if (!change) changes.set(block.weights, (change = changesOf(weights, block.weights)));
-      block.projection.add(change);
-      block.weights = weights;
+      if (!block?.projection.bring(changes)) return;
       block.scales.forEach((scale, k) => {
         for (let ch = 0; ch < 3; ch++) {
           this.projected[4 * (this.first[id] + k) + ch] = block.projection.sums[3 * k + ch] * scale;

@@ -1,14 +1,13 @@
-// Pictures by WebGPU, with the kernels of the GPU relighter: the same texts, the same arrays (shaders/layout.wgsl).
+// Pictures by WebGPU, with the kernels of the GPU relighter: the same texts, the same arrays (shaders/layout.wgsl). The sums `R ℓ`
+// are made here.
 
-/** @import { Factors } from './codec.js' */
+/** @import { ColumnTile, Factors } from './codec.js' */
 /** @import { Tone } from './colour.js' */
 /** @import { Level } from './stream.js' */
-import { rectOf } from './blocks.js';
+import { ChangesTo, Projection, rectOf } from './blocks.js';
 import { halvesOf, slotsOf } from './webgl.js';
 
 const THREADS = 64;
-/** Components that one workgroup of the kernel project takes. */
-const TOGETHER = 4;
 const MOST_GROUPS = 65535;
 /** Bytes of an entry of each array. */
 const COMPONENT_BYTES = 16;
@@ -21,30 +20,30 @@ function spread(count) {
 
 /** One level of the picture on a GPU by WebGPU. */
 export class GpuPainter {
-  /** Throws where there is no device, or the picture is too large for it. @param {Level} level @param {number} columns @param {() => void} onLost */
-  static async open(level, columns, onLost) {
+  /** Throws where there is no device, or the picture is too large for it. @param {Level} level @param {number} columns @param {ColumnTile[]} tiles @param {() => void} onLost */
+  static async open(level, columns, tiles, onLost) {
     const adapter = await navigator.gpu?.requestAdapter();
     if (!adapter) throw new Error('there is no WebGPU');
     const { maxStorageBufferBindingSize, maxBufferSize } = adapter.limits;
     const device = await adapter.requestDevice({ requiredLimits: { maxStorageBufferBindingSize, maxBufferSize } });
     device.lost.then(onLost);
-    const painter = new GpuPainter(level, columns, device);
+    const painter = new GpuPainter(level, columns, tiles, device);
     await painter.build();
     return painter;
   }
 
-  /** @param {Level} level @param {number} columns @param {GPUDevice} device */
-  constructor(level, columns, device) {
+  /** @param {Level} level @param {number} columns @param {ColumnTile[]} tiles @param {GPUDevice} device */
+  constructor(level, columns, tiles, device) {
     this.level = level;
     this.columns = columns;
+    this.tiles = tiles;
     this.device = device;
     this.canvas = document.createElement('canvas');
     [this.canvas.width, this.canvas.height] = [level.width, level.height];
     const { first, sum } = slotsOf(level.ranks);
     this.first = first;
     this.slots = Math.max(sum, 1);
-    // Words that a component of a block takes, left and right, in 16 bits a value.
-    this.rightWords = 2 * Math.ceil(columns / 4);
+    // Words that the left side of a component takes, in 16 bits a value.
     this.leftWords = level.ranks.map((_, id) => {
       const { width, height } = rectOf(level, id);
       return 6 * Math.ceil((width * height) / 4);
@@ -52,13 +51,14 @@ export class GpuPainter {
     let words = 0;
     this.firstWord = level.ranks.map((rank, id) => {
       const begin = words;
-      words += rank * (this.leftWords[id] + this.rightWords);
+      words += rank * this.leftWords[id];
       return begin;
     });
     this.words = Math.max(words, 1);
     this.components = new DataView(new ArrayBuffer(COMPONENT_BYTES * this.slots));
-    /** @type {Map<number, number>} components of each block that is known */
-    this.ranks = new Map();
+    this.projected = new Float32Array(3 * this.slots);
+    /** @type {Map<number, { rank: number, projection: Projection, scales: number[] }>} the blocks that are known */
+    this.blocks = new Map();
     /** @type {Map<number, { target: Uint32Array, ends: Uint32Array, columns: Uint32Array, values: Float32Array }>} */
     this.sparse = new Map();
     this.isNew = true;
@@ -73,14 +73,13 @@ export class GpuPainter {
         layout: 'auto',
         compute: { module: device.createShaderModule({ code }), entryPoint: name },
       });
-    const [project, reconstruct, scatter, tone] = await Promise.all([
-      pipeline('project', KERNELS.project), pipeline('reconstruct', KERNELS.reconstruct),
-      pipeline('scatter', KERNELS.scatter), pipeline('tone', KERNELS.tone),
+    const [reconstruct, scatter, tone] = await Promise.all([
+      pipeline('reconstruct', KERNELS.reconstruct), pipeline('scatter', KERNELS.scatter), pipeline('tone', KERNELS.tone),
     ]);
-    this.pipelines = { project, reconstruct, scatter, tone };
+    this.pipelines = { reconstruct, scatter, tone };
     const pixels = level.width * level.height;
     this.buffers = {
-      sizes: this.buffer(16, GPUBufferUsage.UNIFORM),
+      sizes: this.buffer(32, GPUBufferUsage.UNIFORM),
       tone: this.buffer(32, GPUBufferUsage.UNIFORM),
       lighting: this.buffer(48 * Math.ceil(this.columns / 4)),
       components: this.buffer(COMPONENT_BYTES * this.slots),
@@ -112,24 +111,21 @@ export class GpuPainter {
     const { width, height } = rectOf(this.level, id);
     const pixels = width * height;
     const padded = 4 * Math.ceil(pixels / 4);
-    const [leftWords, rightWords] = [this.leftWords[id], this.rightWords];
-    const words = new Uint16Array(2 * factors.rank * (leftWords + rightWords));
+    const leftWords = this.leftWords[id];
+    const words = new Uint16Array(2 * factors.rank * leftWords);
+    /** @type {number[]} */
+    const scales = [];
     for (let k = 0; k < factors.rank; k++) {
       const left = halvesOf(factors.left.subarray(3 * k * pixels, 3 * (k + 1) * pixels));
-      const right = halvesOf(factors.right.subarray(k * this.columns, (k + 1) * this.columns));
-      const leftAt = k * (leftWords + rightWords);
-      const rightAt = leftAt + leftWords;
+      const leftAt = k * leftWords;
+      scales.push(left.scale);
       for (let ch = 0; ch < 3; ch++) {
         words.set(left.halves.subarray(ch * pixels, (ch + 1) * pixels), 2 * leftAt + ch * padded);
       }
-      words.set(right.halves, 2 * rightAt);
-      const at = COMPONENT_BYTES * (this.first[id] + k);
-      this.components.setUint32(at, this.firstWord[id] + rightAt, true);
-      this.components.setUint32(at + 4, this.firstWord[id] + leftAt, true);
-      this.components.setFloat32(at + 12, left.scale * right.scale, true);
+      this.components.setUint32(COMPONENT_BYTES * (this.first[id] + k) + 8, this.firstWord[id] + leftAt, true);
     }
     if (words.length > 0) this.device.queue.writeBuffer(/** @type {any} */ (this.buffers).factors, 4 * this.firstWord[id], words);
-    this.ranks.set(id, factors.rank);
+    this.blocks.set(id, { rank: factors.rank, projection: new Projection(factors.right, factors.rank), scales });
     this.setSparse(id, factors, pixels);
     this.isNew = true;
   }
@@ -165,11 +161,11 @@ export class GpuPainter {
     const buffers = /** @type {NonNullable<typeof this.buffers>} */ (this.buffers);
     const pipelines = /** @type {NonNullable<typeof this.pipelines>} */ (this.pipelines);
     device.queue.writeBuffer(buffers.components, 0, this.components.buffer);
-    const ids = Array.from(this.ranks.keys());
+    const ids = Array.from(this.blocks.keys());
     const blocks = new Uint32Array((BLOCK_BYTES / 4) * Math.max(ids.length, 1));
     ids.forEach((id, i) => {
       const { width, height } = rectOf(this.level, id);
-      const rank = /** @type {number} */ (this.ranks.get(id));
+      const { rank } = /** @type {{ rank: number }} */ (this.blocks.get(id));
       blocks.set([this.first[id], rank, width * height, this.firstPixel(id), id], (BLOCK_BYTES / 4) * i);
     });
     const lists = Array.from(this.sparse.values());
@@ -192,7 +188,7 @@ export class GpuPainter {
     this.passing?.forEach((buffer) => buffer.destroy());
     const [blockList, rowList, entryList] = [made(blocks.buffer), made(rows.buffer), made(/** @type {ArrayBuffer} */ (entries.buffer))];
     this.passing = [blockList, rowList, entryList];
-    device.queue.writeBuffer(buffers.sizes, 0, Uint32Array.of(this.columns, this.slots, ids.length, row));
+    device.queue.writeBuffer(buffers.sizes, 0, Uint32Array.of(this.columns, 0, this.slots, ids.length, row));
     const bind = (/** @type {GPUComputePipeline} */ pipeline, /** @type {GPUBindingResource[]} */ resources) =>
       device.createBindGroup({
         layout: pipeline.getBindGroupLayout(0),
@@ -204,8 +200,6 @@ export class GpuPainter {
     const screen = /** @type {GPUTexture} */ (this.screen).createView();
     /** @type {[GPUComputePipeline, GPUBindGroup, number[]][]} */
     const passes = [
-      [pipelines.project, bind(pipelines.project, [sizes, lighting, components, factors, projected].map(of)),
-        spread(Math.ceil(this.slots / TOGETHER))],
       [pipelines.reconstruct, bind(pipelines.reconstruct, [sizes, blockList, components, factors, projected, image].map(of)),
         [quads, ...spread(ids.length)]],
       [pipelines.scatter, bind(pipelines.scatter, [sizes, lighting, rowList, entryList, image].map(of)),
@@ -231,6 +225,14 @@ export class GpuPainter {
     const planes = new Float32Array(3 * plane);
     for (let ch = 0; ch < 3; ch++) planes.set(weights.subarray(ch * this.columns, (ch + 1) * this.columns), ch * plane);
     device.queue.writeBuffer(buffers.lighting, 0, planes);
+    const changes = new ChangesTo(this.tiles, weights);
+    this.blocks.forEach(({ projection, scales }, id) => {
+      if (!projection.bring(changes)) return;
+      scales.forEach((scale, k) => {
+        for (let ch = 0; ch < 3; ch++) this.projected[3 * (this.first[id] + k) + ch] = projection.sums[3 * k + ch] * scale;
+      });
+    });
+    device.queue.writeBuffer(buffers.projected, 0, this.projected);
     const uniform = new DataView(new ArrayBuffer(32));
     tone.gain.forEach((gain, i) => uniform.setFloat32(4 * i, gain, true));
     [tone.curve, level.width, level.side].forEach((value, i) => uniform.setUint32(12 + 4 * i, value, true));

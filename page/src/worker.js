@@ -5,7 +5,7 @@
 /** @import { Shape } from './blocks.js' */
 /** @import { Rgb, Tone } from './colour.js' */
 import { BlockStore, gridOf, rectOf } from './blocks.js';
-import { decodeChunk, noFactors } from './codec.js';
+import { columnTiles, decodeChunk, noFactors } from './codec.js';
 
 /**
  * What a worker is told. `level`: 0 the preview, 1 the picture. `black`: for each level the blocks that have no chunk.
@@ -51,7 +51,7 @@ export function serve(scope) {
     switch (order.type) {
       case 'start':
         start = order;
-        stores = order.levels.map((shape) => new BlockStore(shape, order.columns));
+        stores = order.levels.map((shape) => new BlockStore(shape, order.columns, columnTiles(order.planes)));
         order.black.forEach((ids, level) => ids.forEach((id) => stores[level].set(id, noFactors())));
         break;
       case 'chunk':

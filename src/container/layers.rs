@@ -6,10 +6,11 @@
 //! its full rank.
 
 use super::codec::{
-    CodecSettings, LayerPart, correcting_components, decode_layer, encode_layer, shared_components, sparse_step,
+    CodecSettings, LayerPart, correcting_components, decode_coded_layer, decode_layer, encode_layer, shared_components,
+    sparse_step,
 };
 use super::layout::BlockLayout;
-use crate::matrix::FactoredBlock;
+use crate::matrix::{CodedBlock, FactoredBlock};
 
 /// Blocks of fewer bytes than this stay in one layer: the second one's own bytes would not pay.
 const MIN_SPLIT_BYTES: usize = 256;
@@ -85,10 +86,58 @@ pub(super) fn join_layers<'a, E: From<String>>(
         whole.right_step.extend_from_slice(&layer.right_step[shared..rank]);
         whole.sparse.extend(layer.sparse);
     }
-    if !whole.sparse.is_sorted_by_key(|entry| (entry.column, entry.row)) {
-        whole.sparse.sort_unstable_by_key(|entry| (entry.column, entry.row));
-    }
+    sort_sparse(&mut whole);
     Ok(whole)
+}
+
+fn sort_sparse(block: &mut FactoredBlock) {
+    if !block.sparse.is_sorted_by_key(|entry| (entry.column, entry.row)) {
+        block.sparse.sort_unstable_by_key(|entry| (entry.column, entry.row));
+    }
+}
+
+/// Decodes the first layers of a block with right sides as coefficients, and joins them. None where no unit fits all rows.
+pub(super) fn join_coded(layout: &BlockLayout, layers: &[Vec<u8>]) -> Result<Option<CodedBlock>, String> {
+    let factors = FactoredBlock { rows: layout.rows(), columns: layout.columns(), ..Default::default() };
+    let mut whole = CodedBlock { factors, right: Vec::new() };
+    for (i, bytes) in layers.iter().enumerate() {
+        let base = Some(&whole.factors).filter(|_| i > 0);
+        let Some(layer) = decode_coded_layer(layout, bytes, base)? else { return Ok(None) };
+        let have_one_unit = layer.factors.right_band_steps == whole.factors.right_band_steps;
+        if !have_one_unit && !whole.right.is_empty() && !layer.right.is_empty() {
+            return Ok(None);
+        }
+        add_layer(&mut whole, layer, shared_components(bytes));
+    }
+    sort_sparse(&mut whole.factors);
+    Ok(Some(whole))
+}
+
+/// Adds a layer to those before it, of whose components it refines the first.
+fn add_layer(whole: &mut CodedBlock, layer: CodedBlock, shared: usize) {
+    let CodedBlock { factors, right } = whole;
+    let (rows, known) = (factors.rows, factors.rank() as u32);
+    let layer_factors = layer.factors;
+    let (missing, left) = layer_factors.left.split_at(shared * rows);
+    factors.left.iter_mut().zip(missing).for_each(|(sum, missing)| *sum += missing);
+    factors.left.extend_from_slice(left);
+    for (steps, of_layer) in
+        [(&mut factors.left_step, &layer_factors.left_step), (&mut factors.right_step, &layer_factors.right_step)]
+    {
+        steps[..shared].copy_from_slice(&of_layer[..shared]);
+        steps.extend_from_slice(&of_layer[shared..]);
+    }
+    factors.sparse.extend(layer_factors.sparse);
+    factors.by_eye = layer_factors.by_eye;
+    if right.is_empty() {
+        factors.right_band_steps = layer_factors.right_band_steps;
+    }
+    right.extend(layer.right.into_iter().map(|mut row| {
+        if let Some(own) = row.component.checked_sub(shared as u32) {
+            row.component = known + own;
+        }
+        row
+    }));
 }
 
 /// The block with steps for every component: where none are given, what a 16-bit float would keep of the largest value.

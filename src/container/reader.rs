@@ -3,22 +3,23 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::codec::claims;
+use super::codec::{claims, stored_band_steps};
 use super::format::{BlockRecord, ContainerHeader, HEADER_BYTES, HEADER_MAGIC, TRAILER_BYTES, Trailer};
 use super::index::{Index, PIECE_BYTES};
-use super::layers::join_layers;
-use super::layout::{BlockLayout, LightLayout};
+use super::layers::{join_coded, join_layers};
+use super::layout::{BlockLayout, LightLayout, LightPlane};
 use super::metadata::{self, Metadata};
 use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Hint, Result};
 use crate::files::{Ranged, open_input};
 use crate::light::{Job, StatedErrors};
-use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
+use crate::matrix::{BlockId, BlockReport, CodedBlock, ColumnTransform, FactorSource, FactoredBlock, MatrixShape};
 use crate::resources::MemoryNeed;
 
 /// The first read takes this share of the file, within the two bounds. That covers the index of any container whose
@@ -31,6 +32,11 @@ const TAIL_MAX: u64 = 1 << 26;
 /// than so many. A file may claim any length without holding it.
 const FREE_TAIL_BYTES: u64 = 64 << 20;
 const EARNED_PER_STORED_BYTE: u64 = 64;
+
+/// Memory of right sides for each byte that they have in the file, at most. A coefficient that is not 0 takes 2 bytes, and in the
+/// file no less than 2.38 bits: its sign, and what the likeliest of the code's distributions has for ±1. A larger one
+/// takes as many bits more as it takes memory.
+const RIGHT_BYTES_PER_STORED_BYTE: u64 = 7;
 
 const CUT_SHORT: &str = "make it again, or fetch it again if it was copied";
 
@@ -46,6 +52,15 @@ pub struct ContainerReader {
     index: Index,
     header_crc: u32,
     file_bytes: u64,
+    transform: OnceLock<ReaderTransform>,
+}
+
+/// The transform of right sides, and how much finer each band of them is than its component's step: the units of their
+/// coefficients. Those of a block that has others are coded anew.
+#[derive(Debug)]
+struct ReaderTransform {
+    transform: Arc<ColumnTransform>,
+    band_steps: Vec<i8>,
 }
 
 impl ContainerReader {
@@ -120,6 +135,7 @@ impl ContainerReader {
             index,
             header_crc: trailer.header_crc,
             file_bytes,
+            transform: OnceLock::new(),
         })
     }
 
@@ -168,14 +184,29 @@ impl ContainerReader {
         self.index.base_end()
     }
 
-    /// Memory of all factors as they are held for relighting: 16 bits a value at most.
+    /// Memory of all factors as they are held for relighting, at most: 16 bits a value of left sides, and of right ones
+    /// [`RIGHT_BYTES_PER_STORED_BYTE`], beside a table.
     pub fn factors_bytes(&self) -> u64 {
         let shape = self.job.shape;
+        let tiles = self.column_tiles();
         let block = |id| {
-            let values = self.rank(id) * (shape.rect(id).rows() + shape.columns());
-            (values * 2 + self.rank(id) * 12 + self.sparse_entries(id) * 16 + 512) as u64
+            let rank = self.rank(id);
+            let stored = self.encoded_bytes(id, 0..self.layer_count(id));
+            // The rows of two layers, and as many again for numbers that do not fit into one.
+            let rows = 4 * rank * (4 * tiles + 16);
+            let left = 2 * rank * shape.rect(id).rows();
+            (left + rows + rank * 8 + self.sparse_entries(id) * 16 + 512) as u64 + RIGHT_BYTES_PER_STORED_BYTE * stored
         };
         shape.blocks().map(block).sum()
+    }
+
+    /// Tiles of the transform of right sides.
+    fn column_tiles(&self) -> usize {
+        let cut = |plane: &LightPlane| match plane.is_image {
+            true => plane.across.div_ceil(32) * plane.down.div_ceil(32),
+            false => plane.across.div_ceil(1024),
+        };
+        self.lights.planes().iter().map(cut).sum()
     }
 
     /// The whole of a block: all its layers.
@@ -364,15 +395,38 @@ impl FactorSource for ContainerReader {
             .and_then(|divided| usable(self.times_scales(divided)))
             .map_err(|problem| self.bad_block(id, stored.len().saturating_sub(1), &problem))
     }
+
+    fn column_transform(&self) -> Arc<ColumnTransform> {
+        Arc::clone(&self.transform().transform)
+    }
+
+    fn read_coded(&self, id: BlockId, layers: u32) -> Result<CodedBlock> {
+        let stored = (0..layers).map(|layer| self.read_chunk(id, layer as usize)).collect::<Result<Vec<_>>>()?;
+        self.decode_coded(id, &stored)
+    }
+
+    fn decode_coded(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<CodedBlock> {
+        self.check_has(id)?;
+        let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
+        self.hold_to_index(id, 0, stored)
+            .and_then(|()| join_coded(&layout, stored))
+            .and_then(|coded| match coded.filter(|coded| self.has_units(coded)) {
+                Some(coded) => Ok(coded),
+                None => {
+                    let chunks = stored.iter().map(|chunk| Ok::<_, String>(chunk.as_slice()));
+                    let values = join_layers(&layout, chunks, None)?;
+                    Ok(CodedBlock::of(values, &[], &self.transform().transform))
+                }
+            })
+            .and_then(usable_coded)
+            .map_err(|problem| self.bad_block(id, stored.len().saturating_sub(1), &problem))
+    }
 }
 
 impl ContainerReader {
     /// The factors as they are stored, of columns divided by their scales.
     fn read_divided(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
-        if !self.has_block(id) {
-            let problem = format!("holds a range of blocks only, without {id}");
-            return Err(Error::input(self.path.display().to_string(), problem, "merge it with the others first"));
-        }
+        self.check_has(id)?;
         let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
         // Later layers lean on the base layer.
         let base = if layers.start > 0 { Some(self.read_divided(id, 0..1)?) } else { None };
@@ -383,6 +437,34 @@ impl ContainerReader {
             .map_err(|problem| self.bad_block(id, layers.start as usize, &problem))
     }
 
+    fn check_has(&self, id: BlockId) -> Result<()> {
+        if self.has_block(id) {
+            return Ok(());
+        }
+        let problem = format!("holds a range of blocks only, without {id}");
+        Err(Error::input(self.path.display().to_string(), problem, "merge it with the others first"))
+    }
+
+    /// The transform with the units of the first block that can be read: those of one job have the same.
+    fn transform(&self) -> &ReaderTransform {
+        self.transform.get_or_init(|| {
+            let band_steps = self.job.shape.blocks().filter(|&id| self.layer_count(id) > 0).find_map(|id| {
+                let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
+                stored_band_steps(&layout, &self.read_chunk(id, 0).ok()?)
+            });
+            let band_steps = band_steps.unwrap_or_default();
+            let planes = self.lights.planes().iter().map(|plane| (plane.across, plane.down, plane.is_image));
+            ReaderTransform { transform: Arc::new(ColumnTransform::new(planes, &band_steps)), band_steps }
+        })
+    }
+
+    /// Whether a block's rows are in the units of the transform.
+    fn has_units(&self, coded: &CodedBlock) -> bool {
+        let (block, units) = (&*coded.factors.right_band_steps, &*self.transform().band_steps);
+        let is_even = |steps: &[i8]| steps.iter().all(|&finer| finer == 0);
+        coded.right.is_empty() || block == units || is_even(block) && is_even(units)
+    }
+
     fn times_scales(&self, mut divided: FactoredBlock) -> FactoredBlock {
         divided.scale_columns(self.job.basis.column_scales());
         divided
@@ -391,13 +473,24 @@ impl ContainerReader {
 
 /// A decoded block, if its parts can be used together.
 fn usable(block: FactoredBlock) -> Result<FactoredBlock, String> {
+    let is_consistent = block.is_consistent();
+    check_usable(is_consistent, &block, &block.right).map(|()| block)
+}
+
+/// As [`usable`].
+fn usable_coded(block: CodedBlock) -> Result<CodedBlock, String> {
+    let steps: Vec<f32> = block.right.iter().map(|row| row.step).collect();
+    check_usable(block.is_consistent(block.factors.columns), &block.factors, &steps).map(|()| block)
+}
+
+fn check_usable(is_consistent: bool, block: &FactoredBlock, right: &[f32]) -> Result<(), String> {
     let is_finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
-    if !block.is_consistent() {
+    if !is_consistent {
         Err("its sparse entries overlap".into())
-    } else if !is_finite(&block.left) || !is_finite(&block.right) || !block.sparse.iter().all(|e| e.value.is_finite()) {
+    } else if !is_finite(&block.left) || !is_finite(right) || !block.sparse.iter().all(|e| e.value.is_finite()) {
         Err("it holds values that are not finite".into())
     } else {
-        Ok(block)
+        Ok(())
     }
 }
 

@@ -61,10 +61,14 @@ impl FactoredBlock {
 
     /// Whether the parts fit each other: lengths, steps, and sparse entries inside the block and in order.
     pub fn is_consistent(&self) -> bool {
+        self.right.len() == self.rank() * self.columns && self.is_consistent_beside_right()
+    }
+
+    /// The same of all parts but the right sides themselves.
+    pub(super) fn is_consistent_beside_right(&self) -> bool {
         let rank = self.rank();
         let steps = |steps: &[f32]| steps.is_empty() || steps.len() == rank;
         self.left.len() == rank * self.rows
-            && self.right.len() == rank * self.columns
             && steps(&self.left_step)
             && steps(&self.right_step)
             && self.sparse.iter().all(|e| (e.row as usize) < self.rows && e.column.index() < self.columns)

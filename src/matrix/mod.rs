@@ -19,6 +19,9 @@
 //! ```
 
 mod block;
+mod coded;
+mod column_transform;
+pub(crate) mod cosines;
 mod factors;
 mod index;
 mod noise;
@@ -28,6 +31,9 @@ mod shape;
 mod source;
 
 pub use block::{Block, BlockView, TracedBlock};
+pub use coded::{CodedBlock, CodedRow};
+pub use column_transform::ColumnTransform;
+pub(crate) use column_transform::{ColumnTile, TILE_COEFFICIENTS};
 pub use factors::{FactoredBlock, SparseEntry};
 pub use index::{BlockId, ColumnIndex};
 pub use noise::BlockNoise;

@@ -1,9 +1,13 @@
 //! The seams between the stages: who gives blocks, who takes them.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use super::{Block, BlockId, BlockNoise, BlockPlanes, BlockView, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
-use crate::error::Result;
+use super::{
+    Block, BlockId, BlockNoise, BlockPlanes, BlockView, CodedBlock, ColumnIndex, ColumnTransform, FactoredBlock,
+    MatrixShape, TracedBlock,
+};
+use crate::error::{Error, Result};
 
 /// Something that blocks of `T` can be read from: a stored matrix, a set of images, a tracer.
 pub trait BlockSource: Sync {
@@ -151,4 +155,35 @@ pub trait FactorSource: Send + Sync {
     fn decode_layers(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<FactoredBlock> {
         self.read_layers(id, 0..stored.len() as u32)
     }
+
+    /// The transform in whose coefficients [`read_coded`](Self::read_coded) and [`decode_coded`](Self::decode_coded) tell
+    /// right sides. A source that has more than values overrides all three.
+    fn column_transform(&self) -> Arc<ColumnTransform> {
+        Arc::new(ColumnTransform::identity(self.shape().columns()))
+    }
+
+    /// The first layers of a block, their right sides as coefficients, of columns divided by their scales.
+    ///
+    /// # Errors
+    /// As [`read_layers`](Self::read_layers); parts that do not fit each other.
+    fn read_coded(&self, id: BlockId, layers: u32) -> Result<CodedBlock> {
+        coded_values(self, id, self.read_layers(id, 0..layers)?)
+    }
+
+    /// As [`read_coded`](Self::read_coded), from their stored bytes.
+    ///
+    /// # Errors
+    /// As [`decode_layers`](Self::decode_layers); parts that do not fit each other.
+    fn decode_coded(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<CodedBlock> {
+        coded_values(self, id, self.decode_layers(id, stored)?)
+    }
+}
+
+/// Factors of values of a block, coded.
+fn coded_values<S: FactorSource + ?Sized>(source: &S, id: BlockId, block: FactoredBlock) -> Result<CodedBlock> {
+    let transform = source.column_transform();
+    if !block.is_consistent() || block.rank() > 0 && block.columns != transform.columns() {
+        return Err(Error::input(id.to_string(), "has factors that do not fit each other", "pack the matrix again"));
+    }
+    Ok(CodedBlock::of(block, source.column_scales(), &transform))
 }

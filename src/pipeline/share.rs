@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::compress::{CompressSettings, Target};
-use crate::container::{ContainerOptions, ContainerReader};
+use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::files::{check_output, replace, write_file};
 use crate::image::{LUMENS_PER_WATT, exposure_for};
@@ -17,8 +17,9 @@ use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_wit
 
 use super::{PackOptions, pack};
 
-/// Reduction of the preview, across and down.
-const SHRINK: u32 = 4;
+/// Least reduction of the preview, across and down, and its pixels at most.
+const LEAST_SHRINK: u32 = 4;
+const MOST_PIXELS: u32 = 1 << 18;
 /// PSNR in dB of the preview against the reduced image. It is visible for seconds only.
 const PREVIEW_DB: f64 = 46.0;
 /// Name of the page in its folder.
@@ -112,7 +113,7 @@ pub fn share(
         job,
         looks: &options.looks,
         groups: &options.groups,
-        shrink: SHRINK,
+        shrink: shrink_of(job.shape),
         exposure_stops,
         lumens_per_watt: lumens_per_watt(job),
     };
@@ -205,26 +206,18 @@ fn preview_of(
     watch: &dyn Progress,
 ) -> Result<ContainerReader> {
     let job = container.job();
-    let side = |pixels: u32| pixels.div_ceil(SHRINK);
+    let shrink = shrink_of(job.shape);
+    let side = |pixels: u32| pixels.div_ceil(shrink);
     let shape = MatrixShape::new(
         side(job.shape.width()),
         side(job.shape.height()),
         job.shape.columns() as u32,
         job.shape.block_side(),
     )?;
-    let small = Shrunk { container, shape };
+    let small = Shrunk { container, shape, shrink };
     let compress =
         CompressSettings { target: Target::PsnrDb(PREVIEW_DB), noise_factor: None, ..CompressSettings::default() };
-    let mut writing = ContainerOptions::default();
-    writing.codec.layered = false;
-    let options = PackOptions {
-        compress,
-        allow_lost_lights: true,
-        container: writing,
-        denoise: false,
-        memory_bytes,
-        ..Default::default()
-    };
+    let options = PackOptions { compress, allow_lost_lights: true, denoise: false, memory_bytes, ..Default::default() };
     let packed = pack(&small, &Job { shape, ..job.clone() }, path, &options, &Preview(watch));
     packed.map_err(|error| if watch.interrupted() { interrupted() } else { error })?;
     ContainerReader::open(path)
@@ -261,6 +254,18 @@ impl Progress for Preview<'_> {
 struct Shrunk<'a> {
     container: &'a ContainerReader,
     shape: MatrixShape,
+    shrink: u32,
+}
+
+/// Pixels of the picture for one of its preview, across and down: so many that what comes first does not grow with the picture.
+fn shrink_of(shape: MatrixShape) -> u32 {
+    let mut shrink = LEAST_SHRINK;
+    while u64::from(shape.width().div_ceil(shrink)) * u64::from(shape.height().div_ceil(shrink))
+        > u64::from(MOST_PIXELS)
+    {
+        shrink *= 2;
+    }
+    shrink
 }
 
 impl BlockSource for Shrunk<'_> {
@@ -269,14 +274,14 @@ impl BlockSource for Shrunk<'_> {
     }
 
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
-        let (small, whole) = (self.shape.rect(id), self.container.shape());
+        let (small, whole, shrink) = (self.shape.rect(id), self.container.shape(), self.shrink);
         (target.noise, target.planes) = (None, None);
         target.block.reset(small.rows(), whole.columns());
         // Blocks have the same side in both, so that those of the image lie within one of the preview.
         let (across, side) = (whole.blocks_across(), whole.block_side());
-        let last = |begin: u32, length: u32, whole: u32| ((begin + length) * SHRINK).min(whole).div_ceil(side);
-        for row in small.y * SHRINK / side..last(small.y, small.height, whole.height()) {
-            for column in small.x * SHRINK / side..last(small.x, small.width, whole.width()) {
+        let last = |begin: u32, length: u32, whole: u32| ((begin + length) * shrink).min(whole).div_ceil(side);
+        for row in small.y * shrink / side..last(small.y, small.height, whole.height()) {
+            for column in small.x * shrink / side..last(small.x, small.width, whole.width()) {
                 let id = BlockId(row * across + column);
                 let rect = whole.rect(id);
                 let mut block = self.container.read_block(id)?;
@@ -284,8 +289,8 @@ impl BlockSource for Shrunk<'_> {
                 let places: Vec<(usize, f32)> = (0..rect.height)
                     .flat_map(|y| (0..rect.width).map(move |x| (rect.x + x, rect.y + y)))
                     .map(|(x, y)| {
-                        let (x, y) = (x / SHRINK, y / SHRINK);
-                        let joined = |at: u32, whole: u32| (whole - at * SHRINK).min(SHRINK);
+                        let (x, y) = (x / shrink, y / shrink);
+                        let joined = |at: u32, whole: u32| (whole - at * shrink).min(shrink);
                         let share = 1.0 / (joined(x, whole.width()) * joined(y, whole.height())) as f32;
                         (((y - small.y) * small.width + x - small.x) as usize, share)
                     })

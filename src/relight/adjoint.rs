@@ -1,6 +1,7 @@
 //! The adjoint of relighting, `Tᵀ x` for each colour channel: what every column has in common with an image.
 //!
-//! A block `L R + S` gives `R' (L_ch' x_ch) + S_ch' x_ch`, where `x_ch` are the image's pixels in the block. The blocks of a
+//! A block `L R + S` gives `R' (L_ch' x_ch) + S_ch' x_ch`, where `x_ch` are the image's pixels in the block. Coefficients of
+//! right sides are added up as such, and transformed back once for all blocks. The blocks of a
 //! group are added up one after the other and the groups in their order, so that the bits are the same for any number of
 //! threads. Several images are worked on in one pass over the factors, which are turned into f32 once for all of them.
 
@@ -9,16 +10,16 @@ use rayon::prelude::*;
 use super::compact::{CompactBlock, Factor, FactorPart, Quantum, SparseEntries};
 use super::cpu::CpuRelighter;
 use super::damage::read_undamaged;
-use super::project::total;
+use super::lighting::total;
+use super::right::RightFactor;
 use crate::error::{Error, Result};
-use crate::matrix::{BlockId, BlockSource, CHANNELS, FactorSource, MatrixShape, PixelRect, TracedBlock};
+use crate::matrix::{
+    BlockId, BlockSource, CHANNELS, ColumnTransform, FactorSource, MatrixShape, PixelRect, TracedBlock,
+};
 
 /// Groups of blocks at most, and bytes that their sums may take.
 const GROUPS: usize = 64;
 const GROUP_BYTES: usize = 64 << 20;
-
-/// Columns whose sums stay in registers while the components pass by.
-const STRIP: usize = 32;
 
 /// Independent sums of one dot product: as many as four of the widest vectors hold, so that additions overlap.
 const LANES: usize = 64;
@@ -31,9 +32,10 @@ impl CpuRelighter {
     /// # Errors
     /// A number of pixels that is no whole number of images; a value that is not finite.
     pub fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
-        sum_blocks(self.shape(), self.column_scales(), images, |id, planes, sums| {
+        let transform = self.column_transform();
+        sum_blocks(self.shape(), self.column_scales(), Some(transform), images, |id, planes, sums| {
             match self.block(id) {
-                Some(block) => set_compact(block, planes, sums),
+                Some(block) => set_compact(block, transform, planes, sums),
                 None => sums.fill(0.0),
             }
             Ok(())
@@ -46,9 +48,9 @@ impl CpuRelighter {
 /// # Errors
 /// Those of [`CpuRelighter::adjoint`] and of reading, damage among them.
 pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
-    let shape = source.shape();
-    sum_blocks(shape, source.column_scales(), images, |id, planes, sums| {
-        set_compact(&read_undamaged(source, shape, id)?, planes, sums);
+    let transform = &*source.column_transform();
+    sum_blocks(source.shape(), source.column_scales(), Some(transform), images, |id, planes, sums| {
+        set_compact(&read_undamaged(source, transform, id)?, transform, planes, sums);
         Ok(())
     })
 }
@@ -60,7 +62,7 @@ pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) 
 pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
     let columns = shape.columns();
-    sum_blocks(shape, &[], images, |id, planes, sums| {
+    sum_blocks(shape, &[], None, images, |id, planes, sums| {
         let pixels = shape.rect(id).pixels();
         // Of a block without entries no column is visited.
         sums.fill(0.0);
@@ -76,10 +78,12 @@ pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Resu
 }
 
 /// Calls `set` for all blocks with the block's pixels (images × channels × pixels). Adds up its results (images ×
-/// channels × columns), each column multiplied by its scale.
+/// channels × columns), each column multiplied by its scale. With a transform it sets twice as many: coefficients first, then
+/// what is not transformed.
 fn sum_blocks(
     shape: MatrixShape,
     scales: &[f32],
+    transform: Option<&ColumnTransform>,
     images: &[[f32; CHANNELS]],
     set: impl Fn(BlockId, &[f32], &mut [f32]) -> Result<()> + Sync,
 ) -> Result<Vec<[f64; CHANNELS]>> {
@@ -92,7 +96,8 @@ fn sum_blocks(
     if count == 0 {
         return Ok(Vec::new());
     }
-    let values = count * CHANNELS * columns;
+    let one = count * CHANNELS * columns;
+    let values = if transform.is_some() { 2 * one } else { one };
     let groups = GROUPS.min(GROUP_BYTES / (values * size_of::<f64>())).clamp(1, blocks);
     let of_group = |group: usize| -> Result<Vec<f64>> {
         let (mut group_sums, mut sums, mut planes) = (vec![0.0f64; values], vec![0.0; values], Vec::new());
@@ -111,6 +116,18 @@ fn sum_blocks(
     let mut totals = vec![0.0f64; values];
     for part in parts {
         totals.iter_mut().zip(part).for_each(|(total, sum)| *total += sum);
+    }
+    if let Some(transform) = transform {
+        let (coefficients, direct) = totals.split_at_mut(one);
+        for (coefficients, direct) in coefficients.chunks_exact_mut(columns).zip(direct.chunks_exact(columns)) {
+            let values = transform.values(coefficients);
+            coefficients
+                .iter_mut()
+                .zip(values)
+                .zip(direct)
+                .for_each(|((total, value), direct)| *total = value + direct);
+        }
+        totals.truncate(one);
     }
     for totals in totals.chunks_exact_mut(columns) {
         totals.iter_mut().zip(scales).for_each(|(total, &scale)| *total *= f64::from(scale));
@@ -158,16 +175,17 @@ impl pulp::NullaryFnOnce for PixelGather<'_> {
     }
 }
 
-fn set_compact(block: &CompactBlock, planes: &[f32], sums: &mut [f32]) {
+fn set_compact(block: &CompactBlock, transform: &ColumnTransform, planes: &[f32], sums: &mut [f32]) {
     match block.is_empty() {
         true => sums.fill(0.0),
-        false => pulp::Arch::new().dispatch(SetCompact { block, planes, sums }),
+        false => pulp::Arch::new().dispatch(SetCompact { block, transform, planes, sums }),
     }
 }
 
-/// Sets the sums to `R' (s L' x) + S' x`; compiled as [`PixelGather`].
+/// Sets the sums to `R' (s L' x)`, then `S' x`; compiled as [`PixelGather`].
 struct SetCompact<'a> {
     block: &'a CompactBlock,
+    transform: &'a ColumnTransform,
     planes: &'a [f32],
     sums: &'a mut [f32],
 }
@@ -177,26 +195,33 @@ impl pulp::NullaryFnOnce for SetCompact<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { block: CompactBlock { scales, left, right, sparse }, planes, sums } = self;
-        let mut weights = vec![[0.0f32; CHANNELS]; scales.len()];
+        let Self { block, transform, planes, sums } = self;
+        let CompactBlock { left, right, sparse, .. } = block;
+        let mut weights = vec![[0.0f32; CHANNELS]; block.rank()];
+        let (coefficients, direct) = sums.split_at_mut(sums.len() / 2);
         if planes.len() == left.length {
-            return set_image(left, right, scales, sparse, planes, &mut weights, sums);
+            set_image(left, right, transform, planes, &mut weights, coefficients);
+        } else {
+            let left = left.widen();
+            let of_image = CHANNELS * transform.columns();
+            for (planes, sums) in planes.chunks_exact(left.length).zip(coefficients.chunks_exact_mut(of_image)) {
+                set_image(&left, right, transform, planes, &mut weights, sums);
+            }
         }
-        let (left, right) = (left.widen(), right.widen());
-        let images = planes.chunks_exact(left.length).zip(sums.chunks_exact_mut(CHANNELS * right.length));
-        for (planes, sums) in images {
-            set_image(&left, &right, scales, sparse, planes, &mut weights, sums);
+        direct.fill(0.0);
+        let of_image = CHANNELS * transform.columns();
+        for (planes, sums) in planes.chunks_exact(left.length).zip(direct.chunks_exact_mut(of_image)) {
+            add_sparse(sparse, planes, transform.columns(), sums);
         }
     }
 }
 
-/// Sets the sums of one image, channels × columns.
+/// Sets the sums of one image, channels × coefficients.
 #[inline(always)]
 fn set_image<N: Quantum, W: Quantum>(
     left: &Factor<N, W>,
-    right: &Factor<N, W>,
-    scales: &[f32],
-    sparse: &SparseEntries,
+    right: &RightFactor,
+    transform: &ColumnTransform,
     planes: &[f32],
     weights: &mut [[f32; CHANNELS]],
     sums: &mut [f32],
@@ -204,19 +229,12 @@ fn set_image<N: Quantum, W: Quantum>(
     weights.fill([0.0; CHANNELS]);
     weigh(&left.narrow, planes, weights);
     weigh(&left.wide, planes, weights);
-    for (weights, scale) in weights.iter_mut().zip(scales) {
-        *weights = weights.map(|weight| weight * scale);
-    }
-    let columns = right.length;
-    for first in (0..columns).step_by(STRIP) {
-        let strip = (first, STRIP.min(columns - first));
-        let mut of_strip = [[0.0f32; STRIP]; CHANNELS];
-        spread(&right.narrow, columns, strip, weights, &mut of_strip);
-        spread(&right.wide, columns, strip, weights, &mut of_strip);
-        for (sums, of_strip) in sums.chunks_exact_mut(columns).zip(&of_strip) {
-            sums[first..][..strip.1].copy_from_slice(&of_strip[..strip.1]);
-        }
-    }
+    right.spread(weights, transform.tiles(), transform.columns(), sums);
+}
+
+/// Adds `S' x` of one image to its sums, channels × columns.
+#[inline(always)]
+fn add_sparse(sparse: &SparseEntries, planes: &[f32], columns: usize, sums: &mut [f32]) {
     let (pixels, mut begin) = (planes.len() / CHANNELS, 0);
     for &(column, end) in &sparse.ends {
         for entry in begin as usize..end as usize {
@@ -235,27 +253,6 @@ fn weigh<Q: Quantum>(part: &FactorPart<Q>, planes: &[f32], weights: &mut [[f32; 
         let channels = values.chunks_exact(pixels).zip(planes.chunks_exact(pixels));
         for (weight, (values, plane)) in weights[k as usize].iter_mut().zip(channels) {
             *weight = dot(values, plane);
-        }
-    }
-}
-
-/// Adds `R_k` times its weights to the sums of a strip of columns, given as (first, count).
-#[inline(always)]
-fn spread<Q: Quantum>(
-    part: &FactorPart<Q>,
-    columns: usize,
-    (first, count): (usize, usize),
-    weights: &[[f32; CHANNELS]],
-    sums: &mut [[f32; STRIP]; CHANNELS],
-) {
-    for (&k, values) in part.components.iter().zip(part.values.chunks_exact(columns)) {
-        let weights = weights[k as usize];
-        let mut add = |i: usize, value: f32| {
-            (0..CHANNELS).for_each(|channel| sums[channel][i] += value * weights[channel]);
-        };
-        match values[first..][..count].as_array::<STRIP>() {
-            Some(values) => (0..STRIP).for_each(|i| add(i, values[i].to_f32())),
-            None => values[first..][..count].iter().enumerate().for_each(|(i, value)| add(i, value.to_f32())),
         }
     }
 }

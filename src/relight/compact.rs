@@ -1,10 +1,11 @@
-//! Blocks of factors as they are held for relighting: 8 or 16 bits a value.
+//! Blocks of factors as they are held for relighting: left sides in 8 or 16 bits a value, right ones as coefficients.
 
 #[cfg(feature = "gpu")]
 use std::ops::Range;
 
+use super::right::RightFactor;
 use crate::error::{Error, Result};
-use crate::matrix::{BlockId, CHANNELS, FactoredBlock, MatrixShape};
+use crate::matrix::{BlockId, CHANNELS, CodedBlock, CodedRow, ColumnTransform, FactoredBlock, MatrixShape};
 
 /// Largest magnitude that 16-bit values are scaled to. The smallest normal 16-bit float is then 2⁻²⁹ of it. Smaller
 /// values are stored as 0, so that kernels never meet a subnormal number.
@@ -13,9 +14,8 @@ const WIDE_PEAK: f64 = 32_768.0;
 /// Largest size of an 8-bit value. −128 is not used, so that signs are alike.
 const NARROW_PEAK: f64 = 127.0;
 
-/// Largest 8-bit scale, as a fraction of the quantiser step. Rounding then adds at most 1/16 of the step's error power,
-/// and 1/8 with carried errors. (The stored error is that of transform coefficients, many of them exactly 0; rounding
-/// affects every value.)
+/// Largest 8-bit scale, as a fraction of the quantiser step. Rounding then adds at most 1/16 of the step's error power. (The
+/// stored error is that of transform coefficients, many of them exactly 0; rounding affects every value.)
 const FINEST_SHARE: f64 = 0.25;
 
 /// A stored value that kernels turn into f32 without branches.
@@ -54,16 +54,6 @@ impl Quantum for Wide {
     }
 }
 
-/// How values are rounded to 8 bits.
-#[derive(Clone, Copy, Debug)]
-enum Rounding {
-    /// Each by itself: pixels are looked at one by one.
-    Nearest,
-    /// The rounding error of a value is carried to the eighth value after it. So the sum over the 1,024 texels of a
-    /// panel has the error of one texel and not 32 times that. Loss for single lamps: decision 38.
-    Sums,
-}
-
 /// The components of one factor that are stored in one precision.
 #[derive(Clone, Debug)]
 pub(crate) struct FactorPart<Q> {
@@ -73,7 +63,7 @@ pub(crate) struct FactorPart<Q> {
     pub values: Vec<Q>,
 }
 
-/// One factor, `L` or `R`: components of `length` values each, those in 8 bits apart from those in 16.
+/// The left factor: components of `length` values each, those in 8 bits apart from those in 16.
 #[derive(Clone, Debug)]
 pub(crate) struct Factor<N = i8, W = Wide> {
     pub length: usize,
@@ -92,15 +82,15 @@ pub(crate) struct SparseEntries {
     pub values: Vec<f32>,
 }
 
-/// A block `L diag(s) R + S` ready for relighting.
+/// A block `L R + S` ready for relighting.
 ///
-/// A component is held in 8 bits where its quantisation step allows it, else as 16-bit floats; the scales of its two
-/// factors are folded into one.
+/// The left side of a component is held in 8 bits where its quantisation step allows it, else as 16-bit floats; its scale is
+/// folded into those of the rows of its right side, which are held as the whole numbers that a container stores.
 #[derive(Clone, Debug)]
 pub struct CompactBlock {
-    pub(crate) scales: Vec<f32>,
+    rank: usize,
     pub(crate) left: Factor,
-    pub(crate) right: Factor,
+    pub(crate) right: RightFactor,
     pub(crate) sparse: SparseEntries,
 }
 
@@ -147,7 +137,7 @@ impl Factor {
     /// Stores component `index` and returns its scale, 0 for a component of zeros, which takes no room; none if a value
     /// is not finite.
     #[inline(always)]
-    fn push(&mut self, index: u32, values: &[f32], step: Option<f32>, rounding: Rounding) -> Option<f64> {
+    fn push(&mut self, index: u32, values: &[f32], step: Option<f32>) -> Option<f64> {
         let peak = peak(values);
         if peak == 0.0 {
             return Some(0.0);
@@ -159,10 +149,7 @@ impl Factor {
         Some(match step.and_then(|step| narrow_scale(values, peak, f64::from(step))) {
             Some(scale) => {
                 self.narrow.components.push(index);
-                match rounding {
-                    Rounding::Nearest => self.narrow.values.extend(values.iter().map(|&v| narrow(v, scale.recip()))),
-                    Rounding::Sums => narrow_sums(values, scale.recip(), &mut self.narrow.values),
-                }
+                self.narrow.values.extend(values.iter().map(|&v| narrow(v, scale.recip())));
                 scale
             }
             None => {
@@ -233,29 +220,6 @@ fn narrow(value: f32, inverse_scale: f64) -> i8 {
     ((f64::from(value) * inverse_scale) as f32 + SHIFT).to_bits() as i8
 }
 
-/// The same of neighbours, as [`Rounding::Sums`]. Eight side by side, since each waits for the one before it.
-#[inline(always)]
-fn narrow_sums(values: &[f32], inverse_scale: f64, out: &mut Vec<i8>) {
-    let peak = NARROW_PEAK as f32;
-    out.reserve(values.len());
-    let mut lost = [0.0f32; 8];
-    let one = |value: f32, lost: &mut f32| {
-        let wanted = (f64::from(value) * inverse_scale) as f32 + *lost;
-        let shifted = wanted.clamp(-peak, peak) + SHIFT;
-        *lost = wanted - (shifted - SHIFT);
-        shifted.to_bits() as i8
-    };
-    let (groups, rest) = values.as_chunks::<8>();
-    for group in groups {
-        let mut narrowed = [0; 8];
-        for i in 0..8 {
-            narrowed[i] = one(group[i], &mut lost[i]);
-        }
-        out.extend_from_slice(&narrowed);
-    }
-    out.extend(rest.iter().zip(&mut lost).map(|(&value, lost)| one(value, lost)));
-}
-
 /// `value · inverse_scale`, at most 2¹⁵, as a 16-bit float rounded to even: without cases, so that it takes many values at
 /// once.
 #[inline(always)]
@@ -268,36 +232,31 @@ fn wide(value: f32, inverse_scale: f64) -> Wide {
 }
 
 impl CompactBlock {
-    /// Takes the factors of block `id` into compact form: its columns divided by `scales`, so that none of a small unit falls below what
-    /// 8 bits tell beside the others. Of no scales all are 1. A lighting is multiplied by them.
+    /// Takes the factors of block `id` into compact form, their right sides as coefficients of `transform`. A lighting is
+    /// multiplied by the scales of the columns.
     ///
     /// # Errors
     /// Parts that do not fit each other or the shape, and values that are not finite.
-    pub fn new(shape: MatrixShape, id: BlockId, block: &FactoredBlock, scales: &[f32]) -> Result<Self> {
+    pub fn new(shape: MatrixShape, id: BlockId, block: CodedBlock, transform: &ColumnTransform) -> Result<Self> {
         let rect = shape.rect(id);
         let refuse = |problem: String| Err(Error::input(id.to_string(), problem, "pack the matrix again"));
-        let empty = block.left.is_empty() && block.right.is_empty() && block.sparse.is_empty();
-        if !empty && (block.rows != rect.rows() || block.columns != shape.columns()) {
-            let (rows, columns) = (rect.rows(), shape.columns());
-            return refuse(format!("has {} × {} entries, not {rows} × {columns}", block.rows, block.columns));
+        let empty = block.factors.left.is_empty() && block.right.is_empty() && block.factors.sparse.is_empty();
+        if !empty && (block.factors.rows != rect.rows() || block.factors.columns != shape.columns()) {
+            let FactoredBlock { rows, columns, .. } = block.factors;
+            return refuse(format!("has {rows} × {columns} entries, not {} × {}", rect.rows(), shape.columns()));
         }
-        if !empty && !block.is_consistent() {
+        if !empty && !block.is_consistent(transform.columns()) {
             return refuse("has factors that do not fit each other".into());
         }
-        let mut divided = None;
-        if !scales.is_empty() {
-            let block = divided.insert(block.clone());
-            block.scale_columns(&scales.iter().map(|scale| scale.recip()).collect::<Vec<_>>());
-        }
-        let block = divided.as_ref().unwrap_or(block);
-        let rank = if empty { 0 } else { block.rank() };
+        let CodedBlock { factors: block, right } = block;
         let mut compact = Self {
-            scales: Vec::with_capacity(rank),
+            rank: if empty { 0 } else { block.rank() },
             left: Factor::new(rect.rows()),
-            right: Factor::new(shape.columns()),
+            right: RightFactor::default(),
             sparse: SparseEntries::default(),
         };
-        let is_finite = pulp::Arch::new().dispatch(PushFactors { block, rank, compact: &mut compact });
+        let pushed = PushFactors { block: &block, right, transform, compact: &mut compact };
+        let is_finite = pulp::Arch::new().dispatch(pushed);
         if !is_finite || !block.sparse.iter().all(|e| e.value.is_finite()) {
             return refuse("has factors that are not finite".into());
         }
@@ -314,24 +273,22 @@ impl CompactBlock {
     }
 
     fn shrink(&mut self) {
-        for factor in [&mut self.left, &mut self.right] {
-            factor.narrow.values.shrink_to_fit();
-            factor.wide.values.shrink_to_fit();
-        }
+        self.left.narrow.values.shrink_to_fit();
+        self.left.wide.values.shrink_to_fit();
         self.sparse.rows.shrink_to_fit();
         self.sparse.values.shrink_to_fit();
     }
 
     /// Number of components.
     pub fn rank(&self) -> usize {
-        self.scales.len()
+        self.rank
     }
 
     /// Bytes that its factors take in memory.
     pub fn bytes(&self) -> usize {
         let sparse = &self.sparse;
         let sparse = sparse.ends.len() * 8 + (sparse.rows.len() + sparse.values.len()) * 4;
-        self.left.bytes() + self.right.bytes() + self.scales.len() * size_of::<f32>() + sparse
+        self.left.bytes() + self.right.bytes() + sparse
     }
 
     /// Some of its components as a block of their own. The sparse entries are in the piece that begins at the first
@@ -339,13 +296,13 @@ impl CompactBlock {
     #[cfg(feature = "gpu")]
     pub(crate) fn piece(&self, components: Range<u32>) -> Self {
         let sparse = if components.start == 0 { self.sparse.clone() } else { SparseEntries::default() };
-        let scales = self.scales[components.start as usize..components.end as usize].to_vec();
-        Self { scales, left: self.left.piece(&components), right: self.right.piece(&components), sparse }
+        let (left, right) = (self.left.piece(&components), self.right.piece(&components));
+        Self { rank: components.len(), left, right, sparse }
     }
 
     /// Whether every relit pixel is black.
     pub(crate) fn is_empty(&self) -> bool {
-        self.scales.is_empty() && self.sparse.rows.is_empty()
+        self.rank == 0 && self.sparse.rows.is_empty()
     }
 
     /// Rows of one colour channel.
@@ -358,7 +315,8 @@ impl CompactBlock {
 /// what wraps one is compiled without them.
 struct PushFactors<'a> {
     block: &'a FactoredBlock,
-    rank: usize,
+    right: Vec<CodedRow>,
+    transform: &'a ColumnTransform,
     compact: &'a mut CompactBlock,
 }
 
@@ -367,22 +325,16 @@ impl pulp::NullaryFnOnce for PushFactors<'_> {
 
     #[inline(always)]
     fn call(self) -> bool {
-        let Self { block, rank, compact } = self;
-        for k in 0..rank {
-            let left = compact.left.push(
-                k as u32,
-                block.left_component(k),
-                block.left_step.get(k).copied(),
-                Rounding::Nearest,
-            );
-            let right = compact.right.push(
-                k as u32,
-                block.right_component(k),
-                block.right_step.get(k).copied(),
-                Rounding::Sums,
-            );
-            let (Some(left), Some(right)) = (left, right) else { return false };
-            compact.scales.push((left * right) as f32);
+        let Self { block, right, transform, compact } = self;
+        let mut scales = Vec::with_capacity(compact.rank);
+        for k in 0..compact.rank {
+            let left = compact.left.push(k as u32, block.left_component(k), block.left_step.get(k).copied());
+            let Some(scale) = left else { return false };
+            scales.push(scale);
+        }
+        match RightFactor::new(right, transform, &scales) {
+            Some(right) => compact.right = right,
+            None => return false,
         }
         true
     }
@@ -432,7 +384,7 @@ mod tests {
             for at in 0..70 {
                 let mut values = vec![1.0; 70];
                 values[at] = bad;
-                assert!(Factor::new(70).push(0, &values, Some(1.0), Rounding::Nearest).is_none());
+                assert!(Factor::new(70).push(0, &values, Some(1.0)).is_none());
             }
         }
     }
@@ -442,7 +394,7 @@ mod tests {
         let step = 0.037f32;
         let values: Vec<f32> = (-127..=127).map(|q| q as f32 * step).collect();
         let mut factor = Factor::new(values.len());
-        let scale = factor.push(0, &values, Some(step), Rounding::Sums).unwrap();
+        let scale = factor.push(0, &values, Some(step)).unwrap();
         assert!(factor.wide.components.is_empty());
         for (q, v) in factor.narrow.values.iter().zip(&values) {
             assert!((f64::from(*q) * scale - f64::from(*v)).abs() <= 1e-6 * f64::from(v.abs()));
@@ -450,22 +402,10 @@ mod tests {
     }
 
     #[test]
-    fn sums_over_columns_keep_what_single_ones_lose() {
-        let values: Vec<f32> = (0..1021).map(|i| (0.37 * i as f32).sin() + 0.3).collect();
-        let sum: f64 = values.iter().map(|&v| f64::from(v)).sum();
-        let mut factor = Factor::new(values.len());
-        let scale = factor.push(0, &values, Some(1.0), Rounding::Sums).unwrap();
-        let stored: Vec<f64> = factor.narrow.values.iter().map(|&q| f64::from(q) * scale).collect();
-        // Each of the eight sums is off by half a unit at its end, and a value by that of the one before it more.
-        assert!((stored.iter().sum::<f64>() - sum).abs() <= 4.0 * scale * (1.0 + 1e-3));
-        assert!(stored.iter().zip(&values).all(|(q, &v)| (q - f64::from(v)).abs() <= scale * (1.0 + 1e-3)));
-    }
-
-    #[test]
     fn a_step_too_fine_for_8_bits_takes_16() {
         let values: Vec<f32> = (0..300).map(|q| q as f32).collect();
         let mut factor = Factor::new(values.len());
-        let scale = factor.push(0, &values, Some(1.0), Rounding::Nearest).unwrap();
+        let scale = factor.push(0, &values, Some(1.0)).unwrap();
         assert!(factor.narrow.components.is_empty());
         for (q, v) in factor.wide.values.iter().zip(&values) {
             // A 16-bit float keeps 11 bits: half a unit of the last place is 2⁻¹¹ of the value at most.

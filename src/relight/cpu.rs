@@ -1,17 +1,20 @@
 //! Relighting on the CPU, on all threads, with the same bits for any number of them.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::compact::CompactBlock;
 use super::damage::read_compact;
-use super::project::{PlanarLighting, project};
+use super::lighting::LightingCoefficients;
+use super::project::project;
 use super::reconstruct::reconstruct;
 use super::scatter::scatter;
 use super::tiles::{ImageTile, for_each_tile};
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, MatrixShape};
+use crate::matrix::{BlockId, CHANNELS, ColumnIndex, ColumnTransform, FactorSource, MatrixShape, TILE_COEFFICIENTS};
 
 /// All factors of a matrix, in memory in compact form.
 pub struct CpuRelighter {
@@ -20,6 +23,7 @@ pub struct CpuRelighter {
     blocks: Vec<Option<CompactBlock>>,
     /// What columns of the blocks are divided by; empty where all are 1.
     scales: Vec<f32>,
+    transform: Arc<ColumnTransform>,
     damage: Vec<String>,
 }
 
@@ -41,14 +45,14 @@ impl CpuRelighter {
     /// # Errors
     /// What the source reports other than damage, and factors that do not fit the shape or are not finite.
     pub fn load(source: &dyn FactorSource) -> Result<Self> {
-        let shape = source.shape();
+        let (shape, transform) = (source.shape(), source.column_transform());
         let read: Vec<_> = (0..shape.block_count())
             .into_par_iter()
-            .map(|id| read_compact(source, shape, BlockId(id)))
+            .map(|id| read_compact(source, &transform, BlockId(id)))
             .collect::<Result<_>>()?;
         let (blocks, damage): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         let scales = source.column_scales().to_vec();
-        Ok(Self { shape, blocks, scales, damage: damage.into_iter().flatten().collect() })
+        Ok(Self { shape, blocks, scales, transform, damage: damage.into_iter().flatten().collect() })
     }
 
     /// Reads some blocks again with the layers that `source` has by now, as a container streams in.
@@ -57,12 +61,13 @@ impl CpuRelighter {
     /// As [`load`](Self::load); the blocks stay as they were then.
     ///
     /// # Panics
-    /// If the source has another shape or other scales of columns.
+    /// If the source has another shape, other scales of columns or another transform.
     pub fn refine(&mut self, source: &dyn FactorSource, ids: &[BlockId]) -> Result<()> {
-        let shape = self.shape;
-        assert_eq!((source.shape(), source.column_scales()), (shape, self.scales.as_slice()));
+        let transform = &*self.transform;
+        assert_eq!((source.shape(), source.column_scales()), (self.shape, self.scales.as_slice()));
+        assert_eq!(*source.column_transform(), *transform);
         let read: Vec<_> =
-            ids.par_iter().map(|&id| Ok((id, read_compact(source, shape, id)?))).collect::<Result<_>>()?;
+            ids.par_iter().map(|&id| Ok((id, read_compact(source, transform, id)?))).collect::<Result<_>>()?;
         for (id, (block, damage)) in read {
             self.blocks[id.index()] = block;
             self.damage.extend(damage.filter(|line| !self.damage.contains(line)));
@@ -83,6 +88,15 @@ impl CpuRelighter {
     /// What columns of the blocks are divided by; empty where all are 1.
     pub(super) fn column_scales(&self) -> &[f32] {
         &self.scales
+    }
+
+    /// The transform in whose coefficients right sides are held.
+    pub(super) fn column_transform(&self) -> &ColumnTransform {
+        &self.transform
+    }
+
+    fn coefficients(&self, lighting: &Lighting) -> LightingCoefficients {
+        LightingCoefficients::new(lighting, &self.scales, &self.transform)
     }
 
     /// The factors of a block, of columns divided by their scales; none where nothing of it could be read.
@@ -118,7 +132,7 @@ impl CpuRelighter {
     pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
         check_columns(self.shape, lighting)?;
         check_size(self.shape, image)?;
-        let lighting = PlanarLighting::new(lighting, &self.scales);
+        let lighting = self.coefficients(lighting);
         for_each_tile(image, self.shape, |mut tile| {
             relight_block(self.blocks[tile.id.index()].as_ref(), &lighting, &mut tile);
             Ok(())
@@ -131,7 +145,7 @@ impl CpuRelighter {
     /// A lighting with another number of columns than the matrix.
     pub fn relight_kept(&self, lighting: &Lighting) -> Result<Relit> {
         check_columns(self.shape, lighting)?;
-        let planar = PlanarLighting::new(lighting, &self.scales);
+        let planar = self.coefficients(lighting);
         let projected = self
             .blocks
             .par_iter()
@@ -144,8 +158,8 @@ impl CpuRelighter {
         Ok(Relit { image: self.relight(lighting)?, weights: lighting.weights().to_vec(), projected })
     }
 
-    /// Puts new weights on some columns of a kept image: costs those columns of `R` and one pass over `L`, not a pass
-    /// over `R`. Blocks that the columns do not reach are not touched.
+    /// Puts new weights on some columns of a kept image: costs the tiles of `R` that those columns are in and one pass over
+    /// `L`, not a pass over `R`. Blocks that the columns do not reach are not touched.
     ///
     /// # Errors
     /// A column that the matrix does not have, a weight that is not finite, or an image that was not relit
@@ -175,13 +189,14 @@ impl CpuRelighter {
                 (column, [0, 1, 2].map(|ch| scale * (f64::from(new[ch]) - f64::from(old[ch]))))
             })
             .collect();
+        let tiles = self.changed_tiles(&deltas);
         let reached: Vec<bool> = self
             .blocks
             .par_iter()
             .zip(&mut relit.projected)
-            .map(|(block, projected)| block.as_ref().is_some_and(|block| block.change(&deltas, projected)))
+            .map(|(block, projected)| block.as_ref().is_some_and(|block| block.change(&deltas, &tiles, projected)))
             .collect();
-        let planar = PlanarLighting::new(&lighting, &self.scales);
+        let planar = self.coefficients(&lighting);
         let projected = &relit.projected;
         for_each_tile(&mut relit.image, self.shape, |mut tile| {
             if let (true, Some(block)) = (reached[tile.id.index()], &self.blocks[tile.id.index()]) {
@@ -193,30 +208,42 @@ impl CpuRelighter {
         relit.weights.copy_from_slice(lighting.weights());
         Ok(())
     }
+
+    /// The coefficients of changes of columns in each tile that has any.
+    fn changed_tiles(&self, deltas: &[(u32, [f64; CHANNELS])]) -> Vec<ChangedTile> {
+        let mut changes: Vec<_> =
+            deltas.iter().map(|&(column, delta)| (self.transform.tile_of(column as usize), (column, delta))).collect();
+        changes.sort_by_key(|&(tile, _)| tile);
+        let of_tile = |changes: &[(usize, (u32, [f64; CHANNELS]))]| {
+            let index = changes[0].0;
+            let tile = self.transform.tiles()[index];
+            let mut weights = vec![[0.0; CHANNELS]; TILE_COEFFICIENTS];
+            let changes = changes.iter().map(|&(_, (column, delta))| (column as usize, delta));
+            self.transform.few_weights(tile, changes, &mut weights[..tile.len()]);
+            ChangedTile { index, weights }
+        };
+        changes.chunk_by(|a, b| a.0 == b.0).map(of_tile).collect()
+    }
+}
+
+/// The coefficients of a change in one tile.
+struct ChangedTile {
+    index: usize,
+    /// One for each place of the tile, and zeros behind them.
+    weights: Vec<[f64; CHANNELS]>,
 }
 
 impl CompactBlock {
-    /// Adds `s_k R_kj Δ_j` for the changed columns; says whether the block's pixels can have changed.
-    fn change(&self, deltas: &[(u32, [f64; CHANNELS])], projected: &mut [[f64; CHANNELS]]) -> bool {
-        use super::compact::Quantum;
+    /// Adds `R Δ` of the changed columns; says whether the block's pixels can have changed.
+    fn change(
+        &self,
+        deltas: &[(u32, [f64; CHANNELS])],
+        tiles: &[ChangedTile],
+        projected: &mut [[f64; CHANNELS]],
+    ) -> bool {
         let mut reached = false;
-        let mut add = |k: u32, value: f32, delta: [f64; CHANNELS]| {
-            if value != 0.0 {
-                reached = true;
-                let value = f64::from(value) * f64::from(self.scales[k as usize]);
-                for (sum, delta) in projected[k as usize].iter_mut().zip(delta) {
-                    *sum += value * delta;
-                }
-            }
-        };
-        let columns = self.right.length;
-        for &(column, delta) in deltas {
-            for (i, &k) in self.right.narrow.components.iter().enumerate() {
-                add(k, self.right.narrow.values[i * columns + column as usize].to_f32(), delta);
-            }
-            for (i, &k) in self.right.wide.components.iter().enumerate() {
-                add(k, self.right.wide.values[i * columns + column as usize].to_f32(), delta);
-            }
+        for tile in tiles {
+            reached |= self.right.change(tile.index, &tile.weights, projected);
         }
         let has_entries = |column: u32| self.sparse.ends.binary_search_by_key(&column, |end| end.0).is_ok();
         reached || deltas.iter().any(|&(column, _)| has_entries(column))
@@ -234,11 +261,12 @@ impl CompactBlock {
 pub fn relight_streaming(source: &dyn FactorSource, lighting: &Lighting) -> Result<(LinearImage, Vec<String>)> {
     let shape = source.shape();
     check_columns(shape, lighting)?;
-    let lighting = PlanarLighting::new(lighting, source.column_scales());
+    let transform = source.column_transform();
+    let lighting = LightingCoefficients::new(lighting, source.column_scales(), &transform);
     let mut image = LinearImage::black(shape.width(), shape.height());
     let damage = std::sync::Mutex::new(Vec::new());
     for_each_tile(&mut image, shape, |mut tile| {
-        let (block, damaged) = read_compact(source, shape, tile.id)?;
+        let (block, damaged) = read_compact(source, &transform, tile.id)?;
         relight_block(block.as_ref(), &lighting, &mut tile);
         if let Some(line) = damaged {
             damage.lock().expect("no thread panics with it").push((tile.id, line));
@@ -270,7 +298,7 @@ pub(crate) fn check_size(shape: MatrixShape, image: &LinearImage) -> Result<()> 
 }
 
 /// Sets the pixels of one block; a missing block becomes a marked hole.
-pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLighting, tile: &mut ImageTile) {
+pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &LightingCoefficients, tile: &mut ImageTile) {
     match block {
         None => tile.mark_as_hole(),
         Some(block) if block.is_empty() => tile.clear(),
@@ -283,7 +311,7 @@ pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLight
 }
 
 /// The rows of a block under a lighting, channel-planar: the bits that [`relight_block`] sets.
-pub(super) fn relit_planes(block: &CompactBlock, lighting: &PlanarLighting) -> Vec<f32> {
+pub(super) fn relit_planes(block: &CompactBlock, lighting: &LightingCoefficients) -> Vec<f32> {
     let (mut projected, mut planes) = (Vec::new(), Vec::new());
     let arch = pulp::Arch::new();
     arch.dispatch(Project { block, lighting, projected: &mut projected });
@@ -291,14 +319,19 @@ pub(super) fn relit_planes(block: &CompactBlock, lighting: &PlanarLighting) -> V
     planes
 }
 
-fn finish_block(block: &CompactBlock, projected: &[[f32; CHANNELS]], lighting: &PlanarLighting, tile: &mut ImageTile) {
+fn finish_block(
+    block: &CompactBlock,
+    projected: &[[f32; CHANNELS]],
+    lighting: &LightingCoefficients,
+    tile: &mut ImageTile,
+) {
     pulp::Arch::new().dispatch(Finish { block, projected, lighting, tile });
 }
 
 /// `y = R ℓ`, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without them.
 struct Project<'a> {
     block: &'a CompactBlock,
-    lighting: &'a PlanarLighting,
+    lighting: &'a LightingCoefficients,
     projected: &'a mut Vec<[f32; CHANNELS]>,
 }
 
@@ -315,7 +348,7 @@ impl pulp::NullaryFnOnce for Project<'_> {
 struct ProductRows<'a> {
     block: &'a CompactBlock,
     projected: &'a [[f32; CHANNELS]],
-    lighting: &'a PlanarLighting,
+    lighting: &'a LightingCoefficients,
     planes: &'a mut Vec<f32>,
 }
 
@@ -333,7 +366,7 @@ impl pulp::NullaryFnOnce for ProductRows<'_> {
 struct Finish<'a, 'b> {
     block: &'a CompactBlock,
     projected: &'a [[f32; CHANNELS]],
-    lighting: &'a PlanarLighting,
+    lighting: &'a LightingCoefficients,
     tile: &'a mut ImageTile<'b>,
 }
 

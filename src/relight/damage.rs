@@ -2,12 +2,12 @@
 
 use super::compact::CompactBlock;
 use crate::error::{Error, Result};
-use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
+use crate::matrix::{BlockId, CodedBlock, ColumnTransform, FactorSource};
 
 /// The readable part of a block.
 struct Readable {
     /// The factors of the layers that stand, none if not even the base layer does.
-    block: Option<FactoredBlock>,
+    block: Option<CodedBlock>,
     /// The error of the rest.
     damage: Option<Error>,
 }
@@ -20,7 +20,7 @@ fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> 
     let mut layers = source.layer_count(id);
     let mut damage = None;
     loop {
-        match source.read_layers(id, 0..layers) {
+        match source.read_coded(id, layers) {
             Ok(block) => return Ok(Readable { block: Some(block), damage }),
             Err(error @ Error::Damaged { .. }) => {
                 damage.get_or_insert(error);
@@ -40,11 +40,11 @@ fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> 
 /// As [`read_what_stands`], and factors that do not fit the shape or are not finite.
 pub(crate) fn read_compact(
     source: &dyn FactorSource,
-    shape: MatrixShape,
+    transform: &ColumnTransform,
     id: BlockId,
 ) -> Result<(Option<CompactBlock>, Option<String>)> {
     let readable = read_what_stands(source, id)?;
-    let block = readable.block.map(|block| CompactBlock::new(shape, id, &block, source.column_scales())).transpose()?;
+    let block = readable.block.map(|block| CompactBlock::new(source.shape(), id, block, transform)).transpose()?;
     Ok((block, readable.damage.map(|damage| damage.to_string())))
 }
 
@@ -52,7 +52,11 @@ pub(crate) fn read_compact(
 ///
 /// # Errors
 /// Those of reading, damage among them, and factors that do not fit the shape or are not finite.
-pub(crate) fn read_undamaged(source: &dyn FactorSource, shape: MatrixShape, id: BlockId) -> Result<CompactBlock> {
-    let block = source.read_layers(id, 0..source.layer_count(id))?;
-    CompactBlock::new(shape, id, &block, source.column_scales())
+pub(crate) fn read_undamaged(
+    source: &dyn FactorSource,
+    transform: &ColumnTransform,
+    id: BlockId,
+) -> Result<CompactBlock> {
+    let block = source.read_coded(id, source.layer_count(id))?;
+    CompactBlock::new(source.shape(), id, block, transform)
 }

@@ -5,8 +5,10 @@
 //! CPU and once in `shaders/` under the same name. `project` computes `y = R ℓ` for the three channels in one pass over
 //! `R`, `reconstruct` computes `L y`, and `scatter` adds the sparse entries.
 //!
-//! Factors are always kept in the compact form of [`CompactBlock`], 8 or 16 bits for each value. If they exceed a
-//! budget they are streamed; [`Pager`] decides which stay.
+//! Right sides are kept as they are stored, as coefficients of the transform `D` over the texels of a light, most of which are
+//! 0: `R ℓ = (R D)(Dᵀ ℓ)`, where `Dᵀ ℓ` is computed once for a picture. They are the whole numbers of the file, so
+//! that nothing is rounded but the sums, in f32. Left sides take 8 or 16 bits for each value. Both are a [`CompactBlock`]. If
+//! factors exceed a budget they are streamed; [`Pager`] decides which stay.
 //!
 //! ```
 //! use ltm::container::ContainerReader;
@@ -30,6 +32,7 @@ mod cpu;
 mod damage;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod lighting;
 mod paged;
 mod pager;
 mod project;
@@ -38,6 +41,7 @@ mod random;
 mod raw;
 mod reconstruct;
 mod region;
+mod right;
 mod scatter;
 mod tiles;
 

@@ -1,23 +1,23 @@
 //! Relighting a matrix whose factors do not fit into memory, with the same bits as if they did.
 //!
-//! The budget is spent on stored chunks first: they are a tenth of the factors that they hold and spare the disk. What is
+//! The budget is spent on stored chunks first: they are smaller than the factors that they hold and spare the disk. What is
 //! left holds factors, which spares the decoding.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::Deref;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use rayon::prelude::*;
 
 use super::compact::CompactBlock;
 use super::cpu::{check_columns, check_size, relight_block};
+use super::lighting::LightingCoefficients;
 use super::pager::{Detail, Pager, plan};
-use super::project::PlanarLighting;
 use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
+use crate::matrix::{BlockId, ColumnTransform, FactorSource, MatrixShape};
 
 /// Memory that a chunk takes beside its bytes: its entries in the maps of pages, chunks and uses.
 const CHUNK_OVERHEAD_BYTES: u64 = 192;
@@ -39,6 +39,8 @@ pub struct Reads {
 pub struct PagedRelighter<'a> {
     source: BlockReader<'a>,
     shape: MatrixShape,
+    /// Made when it is first needed, since that may read.
+    transform: OnceLock<Arc<ColumnTransform>>,
     state: Mutex<State>,
 }
 
@@ -125,7 +127,7 @@ impl<'a> PagedRelighter<'a> {
             damage: BTreeMap::new(),
             reads: Reads::default(),
         };
-        Self { source, shape, state: Mutex::new(state) }
+        Self { source, shape, transform: OnceLock::new(), state: Mutex::new(state) }
     }
 
     /// Shape of the matrix.
@@ -137,6 +139,11 @@ impl<'a> PagedRelighter<'a> {
     #[cfg(feature = "gpu")]
     pub(super) fn column_scales(&self) -> &[f32] {
         self.source.column_scales()
+    }
+
+    /// The transform in whose coefficients right sides are held.
+    pub(super) fn column_transform(&self) -> &Arc<ColumnTransform> {
+        self.transform.get_or_init(|| self.source.column_transform())
     }
 
     /// The image under `lighting`: every block with all its layers.
@@ -168,7 +175,7 @@ impl<'a> PagedRelighter<'a> {
         check_size(self.shape, image)?;
         let seen: HashSet<BlockId> = view.iter().copied().collect();
         self.set_view(view);
-        let lighting = PlanarLighting::new(lighting, self.source.column_scales());
+        let lighting = LightingCoefficients::new(lighting, self.source.column_scales(), self.column_transform());
         for_each_tile(image, self.shape, |mut tile| {
             if seen.contains(&tile.id) {
                 let held = self.fetch(tile.id, detail)?;
@@ -261,7 +268,7 @@ impl<'a> PagedRelighter<'a> {
                 break None;
             }
             self.lock().reads.decodes += 1;
-            match self.source.decode_layers(id, &chunks) {
+            match self.source.decode_coded(id, &chunks) {
                 Ok(block) => break Some(block),
                 Err(error @ Error::Damaged { .. }) => damage = damage.or(Some(error)),
                 Err(other) => return Err(other),
@@ -270,9 +277,8 @@ impl<'a> PagedRelighter<'a> {
                 break None;
             }
         };
-        let scales = self.source.column_scales();
-        let compact = |block: &FactoredBlock| CompactBlock::new(self.shape, id, block, scales).map(Arc::new);
-        let block = block.map(|block| compact(&block)).transpose()?;
+        let compact = |block| CompactBlock::new(self.shape, id, block, self.column_transform()).map(Arc::new);
+        let block = block.map(compact).transpose()?;
         // Of a damaged block there is no more than this.
         let detail = if is_whole || damage.is_some() { Detail::Whole } else { Detail::Base };
         if let Some(error) = damage {

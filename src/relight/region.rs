@@ -6,11 +6,13 @@ use rayon::prelude::*;
 use super::compact::CompactBlock;
 use super::cpu::{CpuRelighter, check_columns, relit_planes};
 use super::damage::read_undamaged;
-use super::project::PlanarLighting;
+use super::lighting::LightingCoefficients;
 use super::raw::relit_rows;
 use crate::error::{Error, Result};
 use crate::light::Lighting;
-use crate::matrix::{BlockId, BlockSource, CHANNELS, FactorSource, MatrixShape, PixelRect, TracedBlock};
+use crate::matrix::{
+    BlockId, BlockSource, CHANNELS, ColumnTransform, FactorSource, MatrixShape, PixelRect, TracedBlock,
+};
 
 impl CpuRelighter {
     /// The pixels of `region` under each lighting, one image after the other, each row by row. The bits are those of
@@ -26,7 +28,7 @@ impl CpuRelighter {
         pixels: &mut [[f32; CHANNELS]],
     ) -> Result<()> {
         let shape = self.shape();
-        let planar = planar(shape, lightings, self.column_scales())?;
+        let planar = planar(shape, lightings, self.column_scales(), self.column_transform())?;
         for_each_part(pixels, lightings.len(), shape, region, |part| {
             if let Some(block) = self.block(part.id) {
                 relight_part(block, &planar, part);
@@ -47,9 +49,10 @@ pub fn relight_region_streaming(
     pixels: &mut [[f32; CHANNELS]],
 ) -> Result<()> {
     let shape = source.shape();
-    let planar = planar(shape, lightings, source.column_scales())?;
+    let transform = source.column_transform();
+    let planar = planar(shape, lightings, source.column_scales(), &transform)?;
     for_each_part(pixels, lightings.len(), shape, region, |part| {
-        relight_part(&read_undamaged(source, shape, part.id)?, &planar, part);
+        relight_part(&read_undamaged(source, &transform, part.id)?, &planar, part);
         Ok(())
     })
 }
@@ -73,12 +76,17 @@ pub fn relight_region_raw(
     })
 }
 
-fn planar(shape: MatrixShape, lightings: &[Lighting], scales: &[f32]) -> Result<Vec<PlanarLighting>> {
+fn planar(
+    shape: MatrixShape,
+    lightings: &[Lighting],
+    scales: &[f32],
+    transform: &ColumnTransform,
+) -> Result<Vec<LightingCoefficients>> {
     lightings.iter().try_for_each(|lighting| check_columns(shape, lighting))?;
-    Ok(lightings.iter().map(|lighting| PlanarLighting::new(lighting, scales)).collect())
+    Ok(lightings.iter().map(|lighting| LightingCoefficients::new(lighting, scales, transform)).collect())
 }
 
-fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut RegionPart) {
+fn relight_part(block: &CompactBlock, lightings: &[LightingCoefficients], part: &mut RegionPart) {
     let black = vec![0.0; if block.is_empty() { part.rect.rows() } else { 0 }];
     for (image, lighting) in lightings.iter().enumerate() {
         if block.is_empty() {

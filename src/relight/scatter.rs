@@ -1,11 +1,11 @@
 //! `c += S ℓ`; twin of `shaders/scatter.wgsl`.
 
 use super::compact::CompactBlock;
-use super::project::PlanarLighting;
+use super::lighting::LightingCoefficients;
 
 /// Adds `S ℓ` to `planes`.
 #[inline(always)]
-pub(crate) fn scatter(block: &CompactBlock, lighting: &PlanarLighting, planes: &mut [f32]) {
+pub(crate) fn scatter(block: &CompactBlock, lighting: &LightingCoefficients, planes: &mut [f32]) {
     let pixels = block.pixels() as u32;
     for at in 0..block.sparse.ends.len() {
         let column = block.sparse.ends[at].0 as usize;

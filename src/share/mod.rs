@@ -36,7 +36,7 @@ const START_BYTES: usize = 20;
 pub struct SharedBytes {
     /// The whole file.
     pub total: u64,
-    /// From its start to the end of the preview: what a first whole picture takes.
+    /// From its start to the end of the preview's base layers: what a first whole picture takes.
     pub to_preview: u64,
     /// From its start to the end of the base layers.
     pub to_base: u64,
@@ -71,12 +71,9 @@ pub fn write_data(
                 bytes.total += chunk.len() as u64;
                 advance(chunk.len() as u64)
             })?;
-            if !is_preview && index == 0 {
-                bytes.to_base = bytes.total;
+            if index == 0 {
+                *(if is_preview { &mut bytes.to_preview } else { &mut bytes.to_base }) = bytes.total;
             }
-        }
-        if is_preview {
-            (bytes.to_preview, bytes.to_base) = (bytes.total, bytes.total);
         }
     }
     Ok(bytes)

@@ -26,8 +26,7 @@ const STYLE: &str = include_str!("../../page/src/page.css");
 const FRAME: &str = include_str!("../../page/src/page.html");
 
 /// The kernels that the page shares with the GPU relighter, by the name that the page knows them by.
-const KERNELS: [(&str, &[&str]); 4] = [
-    ("project", &[LAYOUT, FACTORS, include_str!("../../shaders/dot.wgsl"), include_str!("../../shaders/project.wgsl")]),
+const KERNELS: [(&str, &[&str]); 3] = [
     ("reconstruct", &[LAYOUT, FACTORS, include_str!("../../shaders/reconstruct.wgsl")]),
     ("scatter", &[LAYOUT, include_str!("../../shaders/scatter.wgsl")]),
     ("tone", &[LAYOUT, include_str!("../../shaders/tone.wgsl")]),
@@ -128,14 +127,11 @@ mod tests {
     #[test]
     fn workgroups_are_counted_as_the_kernels_take_them() {
         let text = MODULES.iter().find(|(name, _)| *name == "webgpu.js").expect("it is a module").1;
-        for (name, kernel) in [("THREADS", LAYOUT), ("TOGETHER", include_str!("../../shaders/dot.wgsl"))] {
-            let number = |text: &str, before: String| {
-                let rest = text.split_once(&before).unwrap_or_else(|| panic!("there is no '{before}'")).1;
-                rest.chars().take_while(char::is_ascii_digit).collect::<String>()
-            };
-            let (page, shader) = (format!("const {name} = "), format!("const {name}: u32 = "));
-            assert_eq!(number(text, page), number(kernel, shader), "{name}");
-        }
+        let number = |before: &str, text: &str| {
+            let rest = text.split_once(before).unwrap_or_else(|| panic!("there is no '{before}'")).1;
+            rest.chars().take_while(char::is_ascii_digit).collect::<String>()
+        };
+        assert_eq!(number("const THREADS = ", text), number("const THREADS: u32 = ", LAYOUT));
     }
 
     #[test]

@@ -2,9 +2,9 @@
 
 use super::component::right_shapes;
 use super::planes::bands;
-use super::transform::ZONES;
 use crate::container::layout::LightLayout;
 use crate::light::LightingPrior;
+use crate::matrix::cosines::ZONES;
 
 /// Bands are finer by at most this many half octaves: a step 1,024 times smaller.
 const FINEST: i32 = 20;

@@ -89,6 +89,11 @@ impl Chunk {
         Ok(())
     }
 
+    /// Whether bands of right sides have steps of their own.
+    pub(super) fn has_band_steps(&self) -> bool {
+        matches!(self.coding, CODING_BANDS | CODING_ZONES)
+    }
+
     /// Whether the right sides of shared components are stored as what the base layer's lack.
     pub(super) fn refines_right(&self) -> bool {
         self.coding != CODING_SHARED

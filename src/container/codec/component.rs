@@ -6,8 +6,8 @@ use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
 use super::settings::CodecSettings;
 use super::side::{ComponentHead, PlaneKind};
 use super::step::{Steps, index_of};
-use super::transform::MAX_TILE;
 use crate::container::layout::{BlockLayout, LightLayout};
+use crate::matrix::cosines::MAX_TILE;
 use crate::matrix::{CHANNELS, FactoredBlock};
 
 /// Stored index of the tiles with which the cost of rotations is compared: of 16.

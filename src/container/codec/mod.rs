@@ -15,10 +15,9 @@ mod settings;
 mod side;
 mod sparse;
 mod step;
-mod transform;
 
 pub use band_steps::band_steps;
-pub(crate) use decode::claims;
+pub(crate) use decode::{claims, decode_coded_layer, stored_band_steps};
 pub use decode::{correcting_components, decode_layer, shared_components};
 pub use layer::{LayerPart, encode_layer, sparse_step};
 pub use settings::CodecSettings;

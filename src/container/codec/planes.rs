@@ -3,7 +3,7 @@
 use super::classes::{CLASSES, ESCAPE, LARGEST, MAX_MAGNITUDE, MIN_SCALE, SYMBOLS, coding_of, escape_bits, symbol_of};
 use super::rans::{RansDecoder, RansEncoder};
 use super::step::Steps;
-use super::transform::{MAX_TILE, Scan, ZONES, forward, inverse};
+use crate::matrix::cosines::{MAX_TILE, Scan, ZONES, forward, inverse};
 
 /// Tiling and transform of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -368,7 +368,7 @@ pub(super) fn read(
     if classes[..zones].iter().all(|&class| class == 0) {
         return out.fill(0.0);
     }
-    let Scratch { integers, coefficients, cut, tiles, rows } = scratch;
+    let Scratch { integers, coefficients, rows, .. } = scratch;
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
@@ -384,17 +384,13 @@ pub(super) fn read(
     rows.resize(MAX_TILE * MAX_TILE, 0.0);
     coefficients.clear();
     coefficients.resize(shape.values(), 0.0);
-    if *cut != Some(shape) {
-        *cut = Some(shape);
-        tiles.clear();
-        tiles.extend(shape.tiles().map(|tile| (tile, Scan::of(tile.width, tile.height))));
-    }
+    let tiles = scratch.tiles.of(shape);
     for (zone, &class) in classes.iter().enumerate().filter(|(_, class)| **class != 0) {
         integers.resize(tiles.iter().map(|(_, scan)| scan.count(zone)).sum(), 0);
         decoder.read_band(class, integers);
         let step = steps.of(zone);
         let (mut values, mut buffer) = (integers.as_slice(), coefficients.as_mut_slice());
-        for (tile, scan) in &*tiles {
+        for (tile, scan) in tiles {
             let of_tile;
             (of_tile, buffer) = buffer.split_at_mut(tile.width * tile.height);
             for run in scan.runs(zone) {
@@ -405,7 +401,7 @@ pub(super) fn read(
         }
     }
     let mut start = 0;
-    for (tile, _) in &*tiles {
+    for (tile, _) in tiles {
         let buffer = &mut coefficients[start..start + tile.width * tile.height];
         inverse(buffer, tile.width, tile.height, rows);
         for (row, y) in buffer.chunks_exact(tile.width).zip(tile.y..) {
@@ -415,17 +411,77 @@ pub(super) fn read(
     }
 }
 
+/// Reads the numbers of an image into `out`, where zeros stand: tile by tile, in each in the order of coding.
+#[inline(always)]
+pub(super) fn read_numbers(
+    decoder: &mut RansDecoder<'_>,
+    classes: &[u32; ZONES],
+    shape: PlaneShape,
+    scratch: &mut Scratch,
+    out: &mut [i32],
+) {
+    debug_assert_eq!(out.len(), shape.values());
+    if shape.tile == 0 {
+        if classes[0] != 0 {
+            decoder.read_band(classes[0], out);
+        }
+        return;
+    }
+    let Scratch { integers, ends, .. } = scratch;
+    let tiles = scratch.tiles.of(shape);
+    // Of each tile the end of what was read of it.
+    ends.clear();
+    let mut end = 0;
+    for (tile, _) in tiles {
+        ends.push(end);
+        end += tile.width * tile.height;
+    }
+    for (zone, &class) in classes.iter().enumerate() {
+        if class != 0 {
+            integers.resize(tiles.iter().map(|(_, scan)| scan.count(zone)).sum(), 0);
+            decoder.read_band(class, integers);
+        }
+        let mut rest = integers.as_slice();
+        for ((_, scan), end) in tiles.iter().zip(&mut *ends) {
+            let count = scan.count(zone);
+            if class != 0 {
+                let here;
+                (here, rest) = rest.split_at(count);
+                out[*end..*end + count].copy_from_slice(here);
+            }
+            *end += count;
+        }
+    }
+}
+
 /// Buffers that reading reuses.
 #[derive(Default)]
 pub(super) struct Scratch {
     integers: Vec<i32>,
     /// Tile by tile.
     coefficients: Vec<f32>,
-    /// What the tiles are those of: the next image is often cut like it.
-    cut: Option<PlaneShape>,
-    tiles: Vec<(CoefficientTile, &'static Scan)>,
+    tiles: CutTiles,
+    ends: Vec<usize>,
     /// Scratch memory of the transform.
     rows: Vec<f32>,
+}
+
+/// The tiles of an image: the next image is often cut like it.
+#[derive(Default)]
+struct CutTiles {
+    shape: Option<PlaneShape>,
+    tiles: Vec<(CoefficientTile, &'static Scan)>,
+}
+
+impl CutTiles {
+    fn of(&mut self, shape: PlaneShape) -> &[(CoefficientTile, &'static Scan)] {
+        if self.shape != Some(shape) {
+            self.shape = Some(shape);
+            self.tiles.clear();
+            self.tiles.extend(shape.tiles().map(|tile| (tile, Scan::of(tile.width, tile.height))));
+        }
+        &self.tiles
+    }
 }
 
 #[cfg(test)]

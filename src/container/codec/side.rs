@@ -4,7 +4,7 @@ use super::adaptive::{BitCoder, Context, SignedContexts};
 use super::classes::CLASSES;
 use super::rotation::ROTATION_BITS;
 use super::step::{STEP_BITS, STEP_LIMIT};
-use super::transform::ZONES;
+use crate::matrix::cosines::ZONES;
 
 /// Bits of the index of a tile's side.
 pub(super) const TILE_BITS: u32 = 2;

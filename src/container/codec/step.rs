@@ -37,6 +37,11 @@ impl Steps<'_> {
         self.band_steps.is_empty()
     }
 
+    /// Whether the step of each band is that of the component over a power of √2: none is held at the ends of what there is.
+    pub(super) fn are_in_range(self) -> bool {
+        self.band_steps.iter().all(|&finer| (self.index - 4 * i32::from(finer)).abs() <= STEP_LIMIT)
+    }
+
     /// The step of a band.
     #[inline(always)]
     pub(super) fn of(self, band: usize) -> f32 {

@@ -6,19 +6,27 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::compact::{CompactBlock, Factor, FactorPart};
-
-/// Bits of [`GpuComponent::narrow`], as in `shaders/layout.wgsl`.
-const NARROW_RIGHT: u32 = 1;
-const NARROW_LEFT: u32 = 2;
+use crate::relight::compact::{CompactBlock, FactorPart};
+use crate::relight::right::Cell;
 
 /// One component of a block, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct GpuComponent {
-    right_word: u32,
+    first_cell: u32,
+    cells: u32,
     left_word: u32,
-    narrow: u32,
+    is_narrow: u32,
+}
+
+/// What a row of a right factor has in one tile, as in `shaders/layout.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct GpuCell {
+    word: u32,
+    /// Groups of dense numbers, and above 16 bits entries.
+    lengths: u32,
+    first: u32,
     scale: f32,
 }
 
@@ -55,6 +63,7 @@ pub(super) struct GpuSparseEntry {
 #[repr(C)]
 pub(super) struct Sizes {
     pub columns: u32,
+    pub coefficients: u32,
     pub components: u32,
     pub blocks: u32,
     pub sparse_rows: u32,
@@ -66,6 +75,7 @@ pub(super) struct Packed {
     pub id: BlockId,
     pixels: u32,
     components: Vec<GpuComponent>,
+    cells: Vec<GpuCell>,
     factors: Factors,
     rows: Vec<SparseRow>,
     entries: Vec<GpuSparseEntry>,
@@ -93,46 +103,40 @@ pub(super) struct Factors {
 /// A part of the array of factors.
 #[derive(Debug)]
 enum Span {
-    /// A factor's components in 8 bits, as the block holds them.
-    Narrow(Arc<CompactBlock>, Side),
-    /// A factor stored in 16 bits.
-    Wide(Arc<CompactBlock>, Side),
+    /// The right factor, as the block holds it.
+    Right(Arc<CompactBlock>),
+    /// Left sides in 8 bits, as the block holds them.
+    Narrow(Arc<CompactBlock>),
+    /// Left sides in 16 bits.
+    Wide(Arc<CompactBlock>),
     /// Planes that would end in the midst of a word, as bytes of their own.
     Padded(Range<usize>),
-}
-
-/// The left or the right factor of a block.
-#[derive(Clone, Copy, Debug)]
-enum Side {
-    Left,
-    Right,
-}
-
-impl Side {
-    fn of(self, block: &CompactBlock) -> &Factor {
-        match self {
-            Self::Left => &block.left,
-            Self::Right => &block.right,
-        }
-    }
 }
 
 impl Factors {
     /// The bytes of the array, span by span.
     pub(super) fn bytes(&self) -> impl Iterator<Item = &[u8]> {
         self.spans.iter().map(|span| match span {
-            Span::Narrow(block, side) => bytemuck::cast_slice(&side.of(block).narrow.values),
-            Span::Wide(block, side) => bytemuck::cast_slice(&side.of(block).wide.values),
+            Span::Right(block) => bytemuck::cast_slice(&block.right.words),
+            Span::Narrow(block) => bytemuck::cast_slice(&block.left.narrow.values),
+            Span::Wide(block) => bytemuck::cast_slice(&block.left.wide.values),
             Span::Padded(range) => &self.padded[range.clone()],
         })
     }
 
-    /// Appends the planes of a factor, each padded to four values; returns (component, first word, whether in 8 bits).
-    fn push(&mut self, block: &Arc<CompactBlock>, side: Side, plane: usize) -> Vec<(u32, u32, bool)> {
-        let factor = side.of(block);
-        let planes = factor.length / plane.max(1);
-        let narrow = self.push_part(&factor.narrow, planes, plane, Span::Narrow(Arc::clone(block), side));
-        let wide = self.push_part(&factor.wide, planes, plane, Span::Wide(Arc::clone(block), side));
+    /// Appends the right factor; returns its first word.
+    fn push_right(&mut self, block: &Arc<CompactBlock>) -> u32 {
+        let first = self.words;
+        self.words += block.right.words.len();
+        self.spans.push(Span::Right(Arc::clone(block)));
+        first as u32
+    }
+
+    /// Appends the planes of the left factor, each padded to four values; returns (component, first word, whether in 8 bits).
+    fn push_left(&mut self, block: &Arc<CompactBlock>) -> Vec<(u32, u32, bool)> {
+        let (factor, plane) = (&block.left, block.pixels());
+        let narrow = self.push_part(&factor.narrow, CHANNELS, plane, Span::Narrow(Arc::clone(block)));
+        let wide = self.push_part(&factor.wide, CHANNELS, plane, Span::Wide(Arc::clone(block)));
         let narrow = narrow.into_iter().map(|(k, word)| (k, word, true));
         narrow.chain(wide.into_iter().map(|(k, word)| (k, word, false))).collect()
     }
@@ -164,6 +168,7 @@ impl Factors {
 pub(super) struct Lengths {
     factor_words: usize,
     pub components: usize,
+    cells: usize,
     pub blocks: usize,
     pub sparse_rows: usize,
     sparse_entries: usize,
@@ -174,15 +179,14 @@ impl Lengths {
     /// At most those of [`CompactBlock::piece`], once that is packed: rows may have several entries.
     pub(super) fn of_piece(block: &CompactBlock, components: &Range<u32>) -> Self {
         let rank = components.len();
-        let words = |factor: &Factor, plane: usize| {
-            let (narrow, wide) = factor.count(components);
-            factor.length / plane.max(1) * plane.div_ceil(4) * (narrow + 2 * wide)
-        };
-        let factor_words = words(&block.right, block.right.length) + words(&block.left, block.pixels());
+        let (narrow, wide) = block.left.count(components);
+        let (right_words, cells) = block.right.count(components);
+        let factor_words = right_words + CHANNELS * block.pixels().div_ceil(4) * (narrow + 2 * wide);
         let entries = if components.start == 0 { block.sparse.rows.len() } else { 0 };
         Self {
             factor_words,
             components: rank,
+            cells,
             blocks: 1,
             sparse_rows: entries,
             sparse_entries: entries,
@@ -194,6 +198,7 @@ impl Lengths {
         Self {
             factor_words: self.factor_words + other.factor_words,
             components: self.components + other.components,
+            cells: self.cells + other.cells,
             blocks: self.blocks + other.blocks,
             sparse_rows: self.sparse_rows + other.sparse_rows,
             sparse_entries: self.sparse_entries + other.sparse_entries,
@@ -206,6 +211,7 @@ impl Lengths {
         let sizes = [
             size_of::<u32>() * self.factor_words,
             size_of::<GpuComponent>() * self.components,
+            size_of::<GpuCell>() * self.cells,
             size_of::<GpuBlock>() * self.blocks,
             size_of::<SparseRow>() * self.sparse_rows,
             size_of::<GpuSparseEntry>() * self.sparse_entries,
@@ -220,38 +226,33 @@ impl Lengths {
         let pixel_bytes = 2 * size_of::<[f32; CHANNELS]>();
         let bytes = size_of::<u32>() * self.factor_words
             + self.components * (size_of::<GpuComponent>() + size_of::<[f32; CHANNELS]>())
+            + size_of::<GpuCell>() * self.cells
             + size_of::<GpuBlock>() * self.blocks
             + size_of::<SparseRow>() * self.sparse_rows
             + size_of::<GpuSparseEntry>() * self.sparse_entries
             + pixel_bytes * self.pixels;
         // Small arrays are made larger than they need.
-        bytes as u64 + 16 * 10
+        bytes as u64 + 16 * 11
     }
 }
 
 impl Packed {
-    pub(super) fn new(id: BlockId, block: &Arc<CompactBlock>) -> Self {
-        // What is read at word 0 for one of scale 0 is finite, as bytes are.
-        let narrow = NARROW_RIGHT | NARROW_LEFT;
-        let component = |&scale| GpuComponent { right_word: 0, left_word: 0, narrow, scale };
-        let mut components: Vec<GpuComponent> = block.scales.iter().map(component).collect();
+    /// `firsts`: where each tile's coefficients begin in a plane of the lighting.
+    pub(super) fn new(id: BlockId, block: &Arc<CompactBlock>, firsts: &[u32]) -> Self {
         let mut factors = Factors::default();
-        for (k, word, is_narrow) in factors.push(block, Side::Right, block.right.length) {
-            components[k as usize].right_word = word;
-            components[k as usize].narrow &= if is_narrow { !0 } else { !NARROW_RIGHT };
-        }
-        for (k, word, is_narrow) in factors.push(block, Side::Left, block.pixels()) {
-            components[k as usize].left_word = word;
-            components[k as usize].narrow &= if is_narrow { !0 } else { !NARROW_LEFT };
+        let (mut components, cells) = right_cells(block, factors.push_right(block), firsts);
+        for (k, word, is_narrow) in factors.push_left(block) {
+            (components[k as usize].left_word, components[k as usize].is_narrow) = (word, u32::from(is_narrow));
         }
         let (rows, entries) = sparse(block);
-        Self { id, pixels: block.pixels() as u32, components, factors, rows, entries }
+        Self { id, pixels: block.pixels() as u32, components, cells, factors, rows, entries }
     }
 
     pub(super) fn lengths(&self) -> Lengths {
         Lengths {
             factor_words: self.factors.words,
             components: self.components.len(),
+            cells: self.cells.len(),
             blocks: 1,
             sparse_rows: self.rows.len(),
             sparse_entries: self.entries.len(),
@@ -262,9 +263,10 @@ impl Packed {
     /// Moves the block behind others in their arrays.
     fn move_behind(&mut self, others: Lengths) {
         for component in &mut self.components {
-            component.right_word += others.factor_words as u32;
+            component.first_cell += others.cells as u32;
             component.left_word += others.factor_words as u32;
         }
+        self.cells.iter_mut().for_each(|cell| cell.word += others.factor_words as u32);
         let (target_index, entries) = ((CHANNELS * others.pixels) as u32, others.sparse_entries as u32);
         for row in &mut self.rows {
             row.target_index += target_index;
@@ -272,6 +274,36 @@ impl Packed {
             row.end += entries;
         }
     }
+}
+
+/// The components of a block, without their left sides, and the cells that are not empty, component by component. The right
+/// factor begins at a word.
+fn right_cells(block: &CompactBlock, first_word: u32, firsts: &[u32]) -> (Vec<GpuComponent>, Vec<GpuCell>) {
+    let right = &block.right;
+    let mut cells: Vec<(u32, GpuCell)> = Vec::with_capacity(right.cells.len());
+    let mut word = first_word;
+    let of_tiles = right.cells.chunks_exact(right.rows.len().max(1));
+    for (of_tile, &first) in of_tiles.zip(firsts) {
+        for (&Cell { groups, entries }, row) in of_tile.iter().zip(&right.rows) {
+            if groups > 0 || entries > 0 {
+                let lengths = u32::from(groups) | u32::from(entries) << 16;
+                cells.push((row.component, GpuCell { word, lengths, first, scale: row.scale }));
+            }
+            word += Cell { groups, entries }.words() as u32;
+        }
+    }
+    cells.sort_by_key(|&(component, _)| component);
+    // What is read at word 0 of one without a left side is finite, as bytes are.
+    let component = GpuComponent { first_cell: 0, cells: 0, left_word: 0, is_narrow: 1 };
+    let mut components = vec![component; block.rank()];
+    for (at, &(component, _)) in (0..).zip(&cells) {
+        let component = &mut components[component as usize];
+        if component.cells == 0 {
+            component.first_cell = at;
+        }
+        component.cells += 1;
+    }
+    (components, cells.into_iter().map(|(_, cell)| cell).collect())
 }
 
 /// The sparse entries of a block, row after row; those of a row in the order of their columns, as the twin adds them.
@@ -330,14 +362,15 @@ impl Bank {
         self.blocks.iter().map(|block| (BlockId(block.id), block.first_pixel)).collect()
     }
 
-    /// The arrays to upload beside its sizes, by name: components, blocks, factors, sparse rows and sparse entries,
+    /// The arrays to upload beside its sizes, by name: components, cells, blocks, factors, sparse rows and sparse entries,
     /// each in consecutive pieces.
-    pub(super) fn arrays(&self) -> [(&'static str, Vec<&[u8]>); 5] {
+    pub(super) fn arrays(&self) -> [(&'static str, Vec<&[u8]>); 6] {
         fn pieces<'a, T: Pod>(bank: &'a Bank, of: impl Fn(&'a Packed) -> &'a [T]) -> Vec<&'a [u8]> {
             bank.packed.iter().map(|packed| bytemuck::cast_slice(of(packed))).collect()
         }
         [
             ("components", pieces(self, |packed| &packed.components)),
+            ("cells", pieces(self, |packed| &packed.cells)),
             ("blocks", vec![bytemuck::cast_slice(&self.blocks)]),
             ("factors", self.packed.iter().flat_map(|packed| packed.factors.bytes()).collect()),
             ("rows", pieces(self, |packed| &packed.rows)),
@@ -348,9 +381,10 @@ impl Bank {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS, TOGETHER, TONE};
+    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS, TONE};
     use super::super::screen::Tone;
     use super::*;
+    use crate::relight::right::PLACE_BITS;
     use std::mem::offset_of;
     use wgpu::naga;
 
@@ -400,8 +434,9 @@ mod tests {
             };
         }
         let ours = [
-            layout!(Sizes: columns, components, blocks, sparse_rows),
-            layout!(GpuComponent: right_word, left_word, narrow, scale),
+            layout!(Sizes: columns, coefficients, components, blocks, sparse_rows),
+            layout!(GpuComponent: first_cell, cells, left_word, is_narrow),
+            layout!(GpuCell: word, lengths, first, scale),
             layout!(GpuBlock: first_component, component_count, pixels, first_pixel, id),
             layout!(SparseRow: target_index, first, end),
             layout!(GpuSparseEntry: column, value),
@@ -430,8 +465,7 @@ mod tests {
             assert_eq!(module.entry_points[0].name, kernel);
             assert_eq!(module.entry_points[0].workgroup_size, [THREADS, 1, 1]);
             let has = |name: &str, value: u32| source.contains(&format!("const {name}: u32 = {value}u;"));
-            assert!(has("NARROW_RIGHT", NARROW_RIGHT) && has("NARROW_LEFT", NARROW_LEFT), "{kernel}");
-            assert!(kernel != "project" || has("TOGETHER", TOGETHER), "{kernel}");
+            assert!(kernel != "project" || has("PLACE_BITS", PLACE_BITS), "{kernel}");
             let mut bindings: Vec<_> =
                 module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
             bindings.sort_unstable();

@@ -54,6 +54,8 @@ struct Waiting {
 
 /// Packs blocks bank by bank in the order in which they are wanted.
 pub(super) struct BankPacker<'a, 's> {
+    /// Where each tile begins in a plane of the lighting.
+    firsts: &'a [u32],
     host: &'a PagedRelighter<'s>,
     wanted: VecDeque<(BlockId, Detail)>,
     /// Read and not yet in a bank.
@@ -64,12 +66,13 @@ pub(super) struct BankPacker<'a, 's> {
 
 impl<'a, 's> BankPacker<'a, 's> {
     pub(super) fn new(
+        firsts: &'a [u32],
         host: &'a PagedRelighter<'s>,
         wanted: impl IntoIterator<Item = (BlockId, Detail)>,
         limits: Limits,
     ) -> Self {
         let wanted = wanted.into_iter().collect();
-        Self { host, wanted, waiting: VecDeque::new(), pieces: VecDeque::new(), limits }
+        Self { firsts, host, wanted, waiting: VecDeque::new(), pieces: VecDeque::new(), limits }
     }
 
     /// The next bank; none when all have come.
@@ -78,7 +81,7 @@ impl<'a, 's> BankPacker<'a, 's> {
     /// What the source reports other than damage, and a block one component of which does not fit.
     pub(super) fn next(&mut self) -> Result<Option<PackedBanks>> {
         if let Some((id, detail, piece)) = self.pieces.pop_front() {
-            return Ok(Some(Self::piece(id, detail, &piece)));
+            return Ok(Some(self.piece(id, detail, &piece)));
         }
         let mut gathered = PackedBanks { bank: Bank::default(), blocks: Vec::new(), is_piece: false };
         loop {
@@ -96,7 +99,7 @@ impl<'a, 's> BankPacker<'a, 's> {
                     }
                     self.split(id, detail, &block)?;
                     let (id, detail, piece) = self.pieces.pop_front().expect("a block has a piece");
-                    return Ok(Some(Self::piece(id, detail, &piece)));
+                    return Ok(Some(self.piece(id, detail, &piece)));
                 }
                 gathered.bank.push(packed);
             }
@@ -122,7 +125,7 @@ impl<'a, 's> BankPacker<'a, 's> {
             read = fetched.collect::<Result<Vec<_>>>()?;
         }
         let pack = |(id, held): (BlockId, Arc<HeldBlock>)| {
-            let block = held.block.as_ref().map(|block| (Arc::clone(block), Packed::new(id, block)));
+            let block = held.block.as_ref().map(|block| (Arc::clone(block), Packed::new(id, block, self.firsts)));
             Waiting { id, detail: held.detail, block }
         };
         let entries = |held: &HeldBlock| held.block.as_ref().map_or(0, |block| block.sparse.rows.len());
@@ -164,9 +167,9 @@ impl<'a, 's> BankPacker<'a, 's> {
         }
     }
 
-    fn piece(id: BlockId, detail: Detail, piece: &Arc<CompactBlock>) -> PackedBanks {
+    fn piece(&self, id: BlockId, detail: Detail, piece: &Arc<CompactBlock>) -> PackedBanks {
         let mut bank = Bank::default();
-        bank.push(Packed::new(id, piece));
+        bank.push(Packed::new(id, piece, self.firsts));
         let blocks = vec![Arrived { id, detail, is_hole: false }];
         PackedBanks { bank, blocks, is_piece: true }
     }

@@ -3,9 +3,6 @@
 /// Threads of a workgroup in every kernel; a test compares it with the shaders'.
 pub(super) const THREADS: u32 = 64;
 
-/// Components that one workgroup of the kernel `project` takes; a test compares it with the shader's.
-pub(super) const TOGETHER: u32 = 4;
-
 /// A shader with one entry point of its own name.
 #[derive(Clone, Copy)]
 pub(super) struct Kernel<B: 'static> {
@@ -21,6 +18,7 @@ pub(super) enum KernelBuffer {
     Sizes,
     Lighting,
     Components,
+    Cells,
     Blocks,
     Factors,
     Rows,
@@ -41,7 +39,7 @@ pub(super) enum ToneBinding {
 /// The dimension over which the threads of a kernel are distributed.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum SpreadOver {
-    /// A workgroup for each [`TOGETHER`] components.
+    /// A workgroup for each component.
     Components,
     /// A thread for each row that has sparse entries.
     SparseRows,
@@ -99,6 +97,7 @@ const PROJECT: Kernel<KernelBuffer> = Kernel {
         KernelBuffer::Components,
         KernelBuffer::Factors,
         KernelBuffer::Projected,
+        KernelBuffer::Cells,
     ],
 };
 

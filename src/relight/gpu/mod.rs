@@ -22,7 +22,7 @@ use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, FactorSource, MatrixShape};
+use crate::matrix::{BlockId, ColumnTransform, FactorSource, MatrixShape};
 use bank::{Bank, Packed};
 use device::Gpu;
 use resident::{ResidentBank, SharedArrays, read_back, relight, submit, submit_copy};
@@ -97,23 +97,23 @@ impl GpuRelighter {
 
     fn on(gpu: Gpu, source: &dyn FactorSource, settings: GpuSettings) -> Result<Self> {
         let shape = source.shape();
-        let limit = binding_limit(&gpu, shape, settings)?;
-        let shared = SharedArrays::new(&gpu, shape.columns(), source.column_scales());
+        let transform = source.column_transform();
+        let limit = binding_limit(&gpu, &transform, settings)?;
+        let shared = SharedArrays::new(&gpu, &transform, source.column_scales());
         let places = vec![None; shape.block_count() as usize];
         let mut relighter =
             Self { gpu, shape, shared, banks: Vec::new(), places, damage: Vec::new(), turn: Mutex::new(()) };
-        relighter.load(source, limit)?;
+        relighter.load(source, &transform, limit)?;
         Ok(relighter)
     }
 
-    fn load(&mut self, source: &dyn FactorSource, limit: u64) -> Result<()> {
-        let shape = self.shape;
-        let ids: Vec<BlockId> = shape.blocks().collect();
+    fn load(&mut self, source: &dyn FactorSource, transform: &ColumnTransform, limit: u64) -> Result<()> {
+        let ids: Vec<BlockId> = self.shape.blocks().collect();
         let mut bank = Bank::default();
         for batch in ids.chunks(BATCH) {
             let read = batch.par_iter().map(|&id| {
-                let (block, damage) = read_compact(source, shape, id)?;
-                Ok((block.map(|block| Packed::new(id, &Arc::new(block))), damage))
+                let (block, damage) = read_compact(source, transform, id)?;
+                Ok((block.map(|block| Packed::new(id, &Arc::new(block), self.shared.firsts())), damage))
             });
             for (packed, damage) in read.collect::<Result<Vec<_>>>()? {
                 self.damage.extend(damage);
@@ -137,7 +137,7 @@ impl GpuRelighter {
     /// Puts a bank into GPU memory. An empty one is not kept.
     fn upload(&mut self, bank: Bank) -> Result<()> {
         if !bank.blocks.is_empty() {
-            let (resident, _) = ResidentBank::upload(&self.gpu, &self.shared, self.shape.columns(), &bank, |_, _| ())?;
+            let (resident, _) = ResidentBank::upload(&self.gpu, &self.shared, &bank, |_, _| ())?;
             for &(id, first) in &resident.places {
                 self.places[id.index()] = Some((self.banks.len(), first));
             }
@@ -173,7 +173,7 @@ impl GpuRelighter {
 
     /// Bytes of GPU memory that the matrix takes, images included.
     pub fn resident_bytes(&self) -> u64 {
-        self.banks.iter().map(|bank| bank.bytes).sum::<u64>() + SharedArrays::lighting_bytes(self.shape.columns())
+        self.banks.iter().map(|bank| bank.bytes).sum::<u64>() + self.shared.bytes()
     }
 
     /// Number of banks that the blocks were gathered into.
@@ -256,9 +256,9 @@ impl GpuRelighter {
 }
 
 /// Bytes that one array may have. Errors: the lighting is larger.
-fn binding_limit(gpu: &Gpu, shape: MatrixShape, settings: GpuSettings) -> Result<u64> {
+fn binding_limit(gpu: &Gpu, transform: &ColumnTransform, settings: GpuSettings) -> Result<u64> {
     let limit = settings.binding_bytes.min(gpu.device.limits().max_storage_buffer_binding_size);
-    match SharedArrays::lighting_bytes(shape.columns()) {
+    match SharedArrays::lighting_bytes(transform) {
         bytes if bytes > limit => Err(too_large("the lighting", bytes, limit)),
         _ => Ok(limit),
     }

@@ -115,9 +115,9 @@ impl<'a> PagedGpuRelighter<'a> {
     }
 
     fn on(gpu: Gpu, host: PagedRelighter<'a>, budget_bytes: u64, settings: GpuSettings) -> Result<Self> {
-        let columns = host.shape().columns();
-        let binding_bytes = binding_limit(&gpu, host.shape(), settings)?;
-        let lighting_bytes = SharedArrays::lighting_bytes(columns);
+        let transform = host.column_transform();
+        let binding_bytes = binding_limit(&gpu, transform, settings)?;
+        let lighting_bytes = SharedArrays::lighting_bytes(transform);
         let Some(most_bytes) = budget_bytes.checked_sub(lighting_bytes) else {
             return Err(too_large("the lighting", lighting_bytes, budget_bytes));
         };
@@ -130,7 +130,7 @@ impl<'a> PagedGpuRelighter<'a> {
             uploaded_bytes: 0,
             peak_bytes: lighting_bytes,
         };
-        let shared = SharedArrays::new(&gpu, columns, host.column_scales());
+        let shared = SharedArrays::new(&gpu, transform, host.column_scales());
         let limits = Limits { binding_bytes, bank_bytes, most_bytes };
         Ok(Self { gpu, host, shared, limits, state: Mutex::new(state) })
     }
@@ -178,7 +178,8 @@ impl<'a> PagedGpuRelighter<'a> {
         let mut canvas = Canvas { shape, blocks: HashMap::new() };
         let shown: Vec<BankId> = state.banks_of(&seen).collect();
         let submission = submit(&self.gpu, &shown.iter().map(|bank| &*state.banks[bank].bank).collect::<Vec<_>>());
-        let mut gather = BankPacker::new(&self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
+        let mut gather =
+            BankPacker::new(self.shared.firsts(), &self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
         // While the GPU computes, the next bank is read and packed.
         let mut next = gather.next();
         self.gpu.wait_for(submission)?;
@@ -237,7 +238,7 @@ impl<'a> PagedGpuRelighter<'a> {
         while let Some(&(_, detail)) = steps.peek() {
             // Banks of one detail, so that the order of the plan is kept.
             let step = std::iter::from_fn(|| steps.next_if(|(_, next)| *next == detail));
-            let mut gather = BankPacker::new(&self.host, step, self.limits);
+            let mut gather = BankPacker::new(self.shared.firsts(), &self.host, step, self.limits);
             while let Some(gathered) = gather.next()? {
                 // What comes in pieces never stays.
                 if gathered.is_piece {
@@ -290,10 +291,9 @@ impl<'a> PagedGpuRelighter<'a> {
             evicted.extend(state.pager.shrink_to(self.limits.most_bytes - bytes - passing_bytes));
         }
         evicted.iter().for_each(|bank| state.drop_bank(*bank));
-        let columns = self.host.shape().columns();
         let resident = match then {
-            Then::Nothing => ResidentBank::upload(&self.gpu, &self.shared, columns, bank, |_, _| ()),
-            Then::Relight => ResidentBank::upload_and_relight(&self.gpu, &self.shared, columns, bank),
+            Then::Nothing => ResidentBank::upload(&self.gpu, &self.shared, bank, |_, _| ()),
+            Then::Relight => ResidentBank::upload_and_relight(&self.gpu, &self.shared, bank),
         };
         let (resident, submission) = match resident {
             Ok(resident) => resident,
@@ -305,7 +305,7 @@ impl<'a> PagedGpuRelighter<'a> {
         state.uploads += 1;
         state.uploaded_bytes += resident.sent_bytes;
         let passing = passing_bytes + if admission.kept { 0 } else { resident.bytes };
-        let used = state.pager.used_bytes() + passing + SharedArrays::lighting_bytes(columns);
+        let used = state.pager.used_bytes() + passing + self.shared.bytes();
         state.peak_bytes = state.peak_bytes.max(used);
         let bank = Arc::new(resident);
         if admission.kept {
@@ -345,7 +345,7 @@ impl<'a> PagedGpuRelighter<'a> {
 
     /// Bytes of GPU memory that what stays there takes, images included.
     pub fn resident_bytes(&self) -> u64 {
-        self.lock().pager.used_bytes() + SharedArrays::lighting_bytes(self.host.shape().columns())
+        self.lock().pager.used_bytes() + self.shared.bytes()
     }
 
     /// Most bytes of GPU memory that buffers took at once.

@@ -1,30 +1,49 @@
 //! A bank of blocks in GPU memory, with what is needed to run the kernels over it.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::bank::{Bank, Sizes};
 use super::device::Gpu;
-use super::kernels::{KERNELS, KernelBuffer, SpreadOver, THREADS, TOGETHER};
+use super::kernels::{KERNELS, KernelBuffer, SpreadOver, THREADS};
 use super::staging::{Parcel, Staging};
 use crate::error::{Error, Result};
 use crate::light::Lighting;
-use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::project::PlanarLighting;
+use crate::matrix::{BlockId, CHANNELS, ColumnTransform};
+use crate::relight::lighting::{LightingCoefficients, padded};
 
 /// Arrays that all banks of a matrix share.
 pub(super) struct SharedArrays {
+    /// Planes of coefficients, then planes of columns.
     lighting: wgpu::Buffer,
+    transform: Arc<ColumnTransform>,
+    /// Where each tile begins in a plane of coefficients.
+    firsts: Vec<u32>,
     /// What columns of the factors are divided by; empty where all are 1.
     scales: Vec<f32>,
     staging: Mutex<Staging>,
 }
 
 impl SharedArrays {
-    pub(super) fn new(gpu: &Gpu, columns: usize, scales: &[f32]) -> Self {
+    pub(super) fn new(gpu: &Gpu, transform: &Arc<ColumnTransform>, scales: &[f32]) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let size = Self::lighting_bytes(columns);
+        let size = Self::lighting_bytes(transform);
         let descriptor = wgpu::BufferDescriptor { label: Some("lighting"), size, usage, mapped_at_creation: false };
-        Self { lighting: gpu.device.create_buffer(&descriptor), scales: scales.to_vec(), staging: Mutex::default() }
+        let firsts = transform.tiles().iter().scan(0, |end, &tile| {
+            *end += padded(tile) as u32;
+            Some(*end - padded(tile) as u32)
+        });
+        Self {
+            lighting: gpu.device.create_buffer(&descriptor),
+            firsts: firsts.collect(),
+            transform: Arc::clone(transform),
+            scales: scales.to_vec(),
+            staging: Mutex::default(),
+        }
+    }
+
+    /// Where each tile begins in a plane of coefficients.
+    pub(super) fn firsts(&self) -> &[u32] {
+        &self.firsts
     }
 
     /// The way to the GPU's memory, which one thread uses at a time.
@@ -32,21 +51,36 @@ impl SharedArrays {
         self.staging.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn lighting_bytes(columns: usize) -> u64 {
-        (columns.next_multiple_of(4) * CHANNELS * size_of::<f32>()) as u64
+    pub(super) fn lighting_bytes(transform: &ColumnTransform) -> u64 {
+        ((coefficients(transform) + transform.columns().next_multiple_of(4)) * CHANNELS * size_of::<f32>()) as u64
     }
 
-    /// Sets what the next submission uses: a plane for each channel, in fours.
+    /// Bytes of the lighting.
+    pub(super) fn bytes(&self) -> u64 {
+        self.lighting.size()
+    }
+
+    /// Sets what the next submission uses: a plane of coefficients for each channel, then one of columns, in fours.
     pub(super) fn set(&self, gpu: &Gpu, lighting: &Lighting) {
-        let columns = lighting.weights().len();
-        let plane = columns.next_multiple_of(4);
-        let mut planes = vec![0.0f32; CHANNELS * plane];
-        let lighting = PlanarLighting::new(lighting, &self.scales);
-        for (channel, plane) in planes.chunks_exact_mut(plane).enumerate() {
+        let (columns, plane) = (self.transform.columns(), coefficients(&self.transform));
+        let mut planes = vec![0.0f32; Self::lighting_bytes(&self.transform) as usize / size_of::<f32>()];
+        let lighting = LightingCoefficients::new(lighting, &self.scales, &self.transform);
+        let (of_coefficients, of_columns) = planes.split_at_mut(CHANNELS * plane);
+        for (tile, &first) in lighting.tiles().iter().zip(&self.firsts).filter(|(tile, _)| tile.used > 0) {
+            for (values, plane) in tile.planes().iter().zip(of_coefficients.chunks_exact_mut(plane)) {
+                plane[first as usize..][..values.len()].copy_from_slice(values);
+            }
+        }
+        for (channel, plane) in of_columns.chunks_exact_mut(columns.next_multiple_of(4)).enumerate() {
             plane[..columns].copy_from_slice(lighting.channel(channel));
         }
         gpu.queue.write_buffer(&self.lighting, 0, bytemuck::cast_slice(&planes));
     }
+}
+
+/// Coefficients of a plane, each tile filled up.
+fn coefficients(transform: &ColumnTransform) -> usize {
+    transform.tiles().iter().map(|&tile| padded(tile)).sum()
 }
 
 /// A bank on the device.
@@ -72,22 +106,22 @@ impl ResidentBank {
     pub(super) fn upload(
         gpu: &Gpu,
         shared: &SharedArrays,
-        columns: usize,
         bank: &Bank,
         then: impl FnOnce(&Self, &mut wgpu::CommandEncoder),
     ) -> Result<(Self, wgpu::SubmissionIndex)> {
         let device = &gpu.device;
         let lengths = bank.lengths();
         let sizes = Sizes {
-            columns: columns as u32,
+            columns: shared.transform.columns() as u32,
+            coefficients: coefficients(&shared.transform) as u32,
             components: lengths.components as u32,
             blocks: lengths.blocks as u32,
             sparse_rows: lengths.sparse_rows as u32,
         };
-        let [components, blocks, factors, rows, entries] = bank.arrays();
-        let arrays = [("sizes", vec![bytemuck::bytes_of(&sizes)]), components, blocks, factors, rows, entries];
+        let [components, cells, blocks, factors, rows, entries] = bank.arrays();
+        let arrays = [("sizes", vec![bytemuck::bytes_of(&sizes)]), components, cells, blocks, factors, rows, entries];
         let sent = arrays.each_ref().map(|(label, pieces)| empty(gpu, label, pieces));
-        let [uniform, components, blocks, factors, rows, entries] = &sent;
+        let [uniform, components, cells, blocks, factors, rows, entries] = &sent;
         let storage = wgpu::BufferUsages::STORAGE;
         let scratch = |label, size: u64, usage| {
             device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
@@ -102,6 +136,7 @@ impl ResidentBank {
             KernelBuffer::Sizes => uniform,
             KernelBuffer::Lighting => &shared.lighting,
             KernelBuffer::Components => components,
+            KernelBuffer::Cells => cells,
             KernelBuffer::Blocks => blocks,
             KernelBuffer::Factors => factors,
             KernelBuffer::Rows => rows,
@@ -111,7 +146,7 @@ impl ResidentBank {
         };
         let passes = KERNELS.iter().zip(&gpu.pipelines).map(|((kernel, spread_over), pipeline)| {
             let groups = match spread_over {
-                SpreadOver::Components => spread(gpu, sizes.components.div_ceil(TOGETHER)),
+                SpreadOver::Components => spread(gpu, sizes.components),
                 SpreadOver::SparseRows => spread(gpu, sizes.sparse_rows.div_ceil(THREADS)),
                 SpreadOver::Pixels => per_block(gpu, sizes.blocks, bank.max_pixels.div_ceil(4)),
             };
@@ -152,10 +187,9 @@ impl ResidentBank {
     pub(super) fn upload_and_relight(
         gpu: &Gpu,
         shared: &SharedArrays,
-        columns: usize,
         bank: &Bank,
     ) -> Result<(Self, wgpu::SubmissionIndex)> {
-        let uploaded = Self::upload(gpu, shared, columns, bank, |resident, encoder| {
+        let uploaded = Self::upload(gpu, shared, bank, |resident, encoder| {
             relight_and_copy(gpu, encoder, std::iter::once(resident));
         })?;
         uploaded.0.map();

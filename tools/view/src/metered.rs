@@ -3,12 +3,12 @@
 use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::reach::{ReachSums, TexelReach};
+use super::reach::{BlockSums, ReachSums, TexelReach};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
-use ltm::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};
+use ltm::matrix::{BlockId, CHANNELS, CodedBlock, ColumnTransform, FactorSource, FactoredBlock, MatrixShape};
 
 /// What was read of the container and what of it is held; it counts while others look.
 #[derive(Debug, Default)]
@@ -53,7 +53,8 @@ impl<'a> Metered<'a> {
     /// What lights bring over the blocks read whole so far, and the number of those.
     pub(super) fn reach(&self) -> (TexelReach, usize) {
         let measured = self.measured();
-        (measured.sums.reach(), measured.blocks.len())
+        let reach = measured.sums.reach(&self.source.column_transform(), self.source.column_scales());
+        (reach, measured.blocks.len())
     }
 
     fn measured(&self) -> MutexGuard<'_, Measured> {
@@ -68,15 +69,21 @@ impl<'a> Metered<'a> {
         }
     }
 
+    /// A block without layers, also where the container does not hold it.
+    pub(super) fn black(&self, id: BlockId) -> CodedBlock {
+        let (rows, columns) = (self.shape().rect(id).pixels() * CHANNELS, self.shape().columns());
+        CodedBlock { factors: FactoredBlock { rows, columns, ..Default::default() }, right: Vec::new() }
+    }
+
     fn count(&self, id: BlockId, layers: Range<u32>) {
         self.meter.bytes_read.fetch_add(self.source.encoded_bytes(id, layers), Ordering::Relaxed);
     }
 
     /// Takes a block that is about to be shown into the sums, once, if it is whole.
-    fn measure(&self, id: BlockId, layers: u32, block: &FactoredBlock) {
+    fn measure(&self, id: BlockId, layers: u32, block: &CodedBlock) {
         self.meter.blocks_read.fetch_add(1, Ordering::Relaxed);
         if layers == self.source.layer_count(id) && !self.measured().blocks.contains(&id) {
-            let sums = ReachSums::of_block(block, self.shape().rect(id).pixels());
+            let sums = BlockSums::of(block, self.shape().rect(id).pixels());
             let mut measured = self.measured();
             if measured.blocks.insert(id) {
                 measured.sums.add(&sums);
@@ -103,19 +110,11 @@ impl FactorSource for Metered<'_> {
         self.source.encoded_bytes(id, layers)
     }
 
+    /// Not measured: pictures are made of [`read_coded`](Self::read_coded).
     fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
         self.check_stop()?;
-        if layers.is_empty() {
-            // Also of blocks that the container does not hold.
-            let (rows, columns) = (self.shape().rect(id).pixels() * CHANNELS, self.shape().columns());
-            return Ok(FactoredBlock { rows, columns, ..Default::default() });
-        }
         self.count(id, layers.clone());
-        let block = self.source.read_layers(id, layers.clone())?;
-        if layers.start == 0 {
-            self.measure(id, layers.end, &block);
-        }
-        Ok(block)
+        self.source.read_layers(id, layers)
     }
 
     fn stored_layer(&self, id: BlockId, layer: u32) -> Result<Vec<u8>> {
@@ -125,10 +124,29 @@ impl FactorSource for Metered<'_> {
     }
 
     fn decode_layers(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<FactoredBlock> {
-        if stored.is_empty() {
-            return self.read_layers(id, 0..0);
+        self.source.decode_layers(id, stored)
+    }
+
+    fn column_transform(&self) -> Arc<ColumnTransform> {
+        self.source.column_transform()
+    }
+
+    fn read_coded(&self, id: BlockId, layers: u32) -> Result<CodedBlock> {
+        self.check_stop()?;
+        if layers == 0 {
+            return Ok(self.black(id));
         }
-        let block = self.source.decode_layers(id, stored)?;
+        self.count(id, 0..layers);
+        let block = self.source.read_coded(id, layers)?;
+        self.measure(id, layers, &block);
+        Ok(block)
+    }
+
+    fn decode_coded(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<CodedBlock> {
+        if stored.is_empty() {
+            return Ok(self.black(id));
+        }
+        let block = self.source.decode_coded(id, stored)?;
         self.measure(id, stored.len() as u32, &block);
         Ok(block)
     }

@@ -4,35 +4,70 @@ use ltm::error::Result;
 use ltm::image::luminance;
 use ltm::light::LightBasis;
 use ltm::light::Lighting;
-use ltm::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};
+use ltm::matrix::{BlockId, CHANNELS, CodedBlock, ColumnTransform, FactorSource, MatrixShape};
 
 /// Sums over blocks for [`TexelReach`].
 pub(super) struct ReachSums {
     shape: MatrixShape,
-    sums: Vec<[f64; CHANNELS]>,
+    sums: BlockSums,
+}
+
+/// The sums of the rows of a block, of columns divided by their scales: of its right sides as coefficients, and of its sparse
+/// entries by column.
+pub(super) struct BlockSums {
+    coefficients: Vec<[f64; CHANNELS]>,
+    columns: Vec<[f64; CHANNELS]>,
+}
+
+impl BlockSums {
+    fn zeros(columns: usize) -> Self {
+        Self { coefficients: vec![[0.0; CHANNELS]; columns], columns: vec![[0.0; CHANNELS]; columns] }
+    }
+
+    /// Those of one block: `(1ᵀ L) R` and `1ᵀ S`, so the rows are summed before the columns are made.
+    pub(super) fn of(block: &CodedBlock, pixels: usize) -> Self {
+        let factors = &block.factors;
+        let mut sums = Self::zeros(factors.columns);
+        for row in &block.right {
+            let left = factors.left_component(row.component as usize);
+            let step = f64::from(row.step);
+            let weights = [0, 1, 2]
+                .map(|channel| step * left[channel * pixels..][..pixels].iter().map(|&v| f64::from(v)).sum::<f64>());
+            for (sum, &value) in sums.coefficients.iter_mut().zip(&row.values).filter(|(_, value)| **value != 0) {
+                (0..CHANNELS).for_each(|channel| sum[channel] += weights[channel] * f64::from(value));
+            }
+        }
+        for entry in &factors.sparse {
+            sums.columns[entry.column.index()][entry.row as usize / pixels] += f64::from(entry.value);
+        }
+        sums
+    }
 }
 
 impl ReachSums {
     pub(super) fn new(shape: MatrixShape) -> Self {
-        Self { shape, sums: vec![[0.0; CHANNELS]; shape.columns()] }
+        Self { shape, sums: BlockSums::zeros(shape.columns()) }
     }
 
-    /// The sums of one block: `(1ᵀ L) R + 1ᵀ S`, so the rows are summed before the columns are made.
-    pub(super) fn of_block(block: &FactoredBlock, pixels: usize) -> Vec<[f64; CHANNELS]> {
-        let mut sums = vec![[0.0; CHANNELS]; block.columns];
-        add_block(block, pixels, &mut sums);
-        sums
-    }
-
-    pub(super) fn add(&mut self, of_block: &[[f64; CHANNELS]]) {
-        for (sum, added) in self.sums.as_flattened_mut().iter_mut().zip(of_block.as_flattened()) {
-            *sum += added;
+    pub(super) fn add(&mut self, of_block: &BlockSums) {
+        let BlockSums { coefficients, columns } = &mut self.sums;
+        for (sums, added) in [(coefficients, &of_block.coefficients), (columns, &of_block.columns)] {
+            sums.as_flattened_mut().iter_mut().zip(added.as_flattened()).for_each(|(sum, added)| *sum += added);
         }
     }
 
-    pub(super) fn reach(&self) -> TexelReach {
+    pub(super) fn reach(&self, transform: &ColumnTransform, scales: &[f32]) -> TexelReach {
         let pixels = f64::from(self.shape.width()) * f64::from(self.shape.height());
-        TexelReach { per_column: self.sums.iter().map(|sum| sum.map(|v| (v / pixels) as f32)).collect() }
+        let channels = [0, 1, 2].map(|channel| {
+            let coefficients: Vec<f64> = self.sums.coefficients.iter().map(|sum| sum[channel]).collect();
+            transform.values(&coefficients)
+        });
+        let columns = self.sums.columns.iter().enumerate();
+        let per_column = columns.map(|(column, direct)| {
+            let scale = scales.get(column).map_or(1.0, |&scale| f64::from(scale));
+            [0, 1, 2].map(|channel| ((channels[channel][column] + direct[channel]) * scale / pixels) as f32)
+        });
+        TexelReach { per_column: per_column.collect() }
     }
 }
 
@@ -50,10 +85,10 @@ impl TexelReach {
         let shape = source.shape();
         let mut sums = ReachSums::new(shape);
         for id in shape.blocks() {
-            let Ok(block) = source.read_layers(id, 0..source.layer_count(id)) else { continue };
-            sums.add(&ReachSums::of_block(&block, shape.rect(id).pixels()));
+            let Ok(block) = source.read_coded(id, source.layer_count(id)) else { continue };
+            sums.add(&BlockSums::of(&block, shape.rect(id).pixels()));
         }
-        sums.reach()
+        sums.reach(&source.column_transform(), source.column_scales())
     }
 
     /// What each light brings under `lighting`: the mean luminance of the picture that it makes alone.
@@ -100,20 +135,4 @@ fn block_of(shape: MatrixShape, [x, y]: [u32; 2]) -> (BlockId, usize) {
     let id = BlockId(y / side * shape.blocks_across() + x / side);
     let rect = shape.rect(id);
     (id, ((y - rect.y) * rect.width + x - rect.x) as usize)
-}
-
-fn add_block(block: &FactoredBlock, pixels: usize, sums: &mut [[f64; CHANNELS]]) {
-    for k in 0..block.rank() {
-        let left = block.left_component(k);
-        let of_rows = [0, 1, 2].map(|channel| left[channel * pixels..][..pixels].iter().map(|&v| f64::from(v)).sum());
-        for (sum, &right) in sums.iter_mut().zip(block.right_component(k)) {
-            *sum = [0, 1, 2].map(|channel: usize| {
-                let of_rows: [f64; CHANNELS] = of_rows;
-                sum[channel] + of_rows[channel] * f64::from(right)
-            });
-        }
-    }
-    for entry in &block.sparse {
-        sums[entry.column.index()][entry.row as usize / pixels] += f64::from(entry.value);
-    }
 }

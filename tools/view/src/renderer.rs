@@ -15,7 +15,7 @@ use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
-use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
+use ltm::matrix::{BlockId, CodedBlock, ColumnIndex, ColumnTransform, FactorSource, FactoredBlock, MatrixShape};
 use ltm::relight::{CpuRelighter, Relit};
 
 /// A changed lighting is applied column by column if fewer than one in this many columns change. A column of `R` is
@@ -330,6 +330,18 @@ impl FactorSource for Nothing<'_> {
     }
 
     fn read_layers(&self, id: BlockId, _: Range<u32>) -> Result<FactoredBlock> {
-        self.0.read_layers(id, 0..0)
+        Ok(self.0.black(id).factors)
+    }
+
+    fn column_transform(&self) -> Arc<ColumnTransform> {
+        self.0.column_transform()
+    }
+
+    fn read_coded(&self, id: BlockId, _: u32) -> Result<CodedBlock> {
+        Ok(self.0.black(id))
+    }
+
+    fn decode_coded(&self, id: BlockId, _: &[Vec<u8>]) -> Result<CodedBlock> {
+        Ok(self.0.black(id))
     }
 }

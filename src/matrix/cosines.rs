@@ -1,24 +1,25 @@
 //! The orthonormal cosine transform (DCT-II) of little images, in tiles, and the zones of frequency that tiles fall in.
 //!
-//! Being orthonormal, the transform keeps squared error: a step on the coefficients is a step on the values.
+//! Being orthonormal, the transform keeps squared error: a step on the coefficients is a step on the values. And it keeps
+//! products: that of two images is that of their coefficients.
 
 use std::sync::OnceLock;
 
 /// Largest side of a tile.
-pub(super) const MAX_TILE: usize = 32;
+pub(crate) const MAX_TILE: usize = 32;
 /// Number of zones of frequency.
-pub(super) const ZONES: usize = 10;
+pub(crate) const ZONES: usize = 10;
 /// Zone `z` holds the frequencies with `u² + v²` below `ZONE_LIMITS[z]` and not below the limit before.
 const ZONE_LIMITS: [usize; ZONES] = [1, 2, 6, 16, 36, 72, 144, 256, 484, usize::MAX];
 
 /// The zone of the frequency `(u, v)`.
-pub(super) fn zone_of(u: usize, v: usize) -> usize {
+pub(crate) fn zone_of(u: usize, v: usize) -> usize {
     ZONE_LIMITS.iter().position(|&limit| u * u + v * v < limit).expect("the last limit is above everything")
 }
 
 /// The coefficients of a tile in the order of coding: by zone, in each by v, then u. In a row of a tile, those of one zone
 /// are neighbours.
-pub(super) struct Scan {
+pub(crate) struct Scan {
     /// First place, `v · width + u`, and length of each run of neighbours, in coding order.
     runs: Vec<(u16, u16)>,
     /// End of each zone in `runs`.
@@ -46,26 +47,32 @@ impl Scan {
 
     /// The runs of a zone, as places.
     #[inline(always)]
-    pub(super) fn runs(&self, zone: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    pub(crate) fn runs(&self, zone: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
         let begin = if zone == 0 { 0 } else { self.run_ends[zone - 1] };
         let place = |&(first, length): &(u16, u16)| usize::from(first)..usize::from(first) + usize::from(length);
         self.runs[begin..self.run_ends[zone]].iter().map(place)
     }
 
+    /// Runs of all zones.
+    #[inline(always)]
+    pub(crate) fn all_runs(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.runs.iter().map(|&(first, length)| usize::from(first)..usize::from(first) + usize::from(length))
+    }
+
     /// Coefficients of a zone.
-    pub(super) fn count(&self, zone: usize) -> usize {
+    pub(crate) fn count(&self, zone: usize) -> usize {
         self.counts[zone]
     }
 
     /// The scan of a tile of `width × height`, at most [`MAX_TILE`] each.
-    pub(super) fn of(width: usize, height: usize) -> &'static Self {
+    pub(crate) fn of(width: usize, height: usize) -> &'static Self {
         static SCANS: [OnceLock<Scan>; MAX_TILE * MAX_TILE] = [const { OnceLock::new() }; MAX_TILE * MAX_TILE];
         SCANS[(width - 1) * MAX_TILE + height - 1].get_or_init(|| Self::new(width, height))
     }
 }
 
 /// The basis functions: row `u` is the `u`-th cosine over `n` places.
-fn cosines(n: usize) -> &'static [f32] {
+pub(crate) fn cosines(n: usize) -> &'static [f32] {
     static COSINES: [OnceLock<Vec<f32>>; MAX_TILE + 1] = [const { OnceLock::new() }; MAX_TILE + 1];
     COSINES[n].get_or_init(|| {
         let mut rows = Vec::with_capacity(n * n);
@@ -82,7 +89,7 @@ fn cosines(n: usize) -> &'static [f32] {
 
 /// Transforms a tile of `width × height` values, row by row, in place. To be inlined, as [`inverse`].
 #[inline(always)]
-pub(super) fn forward(tile: &mut [f32], width: usize, height: usize) {
+pub(crate) fn forward(tile: &mut [f32], width: usize, height: usize) {
     let (across, down) = (cosines(width), cosines(height));
     let mut rows = [0.0f32; MAX_TILE * MAX_TILE];
     for (v, out) in rows.chunks_exact_mut(width).take(height).enumerate() {
@@ -115,7 +122,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 /// Sums run in one fixed order, so that the bits do not depend on the vector units; to be inlined into a function that is
 /// compiled for them. `rows` is room for [`MAX_TILE`]² values, whatever they are: to clear it for each small tile took a fifth of decoding.
 #[inline(always)]
-pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize, rows: &mut [f32]) {
+pub(crate) fn inverse(tile: &mut [f32], width: usize, height: usize, rows: &mut [f32]) {
     let (used_rows, used_columns) = used(tile, width);
     match used_columns {
         0 => return tile.fill(0.0),
