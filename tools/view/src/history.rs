@@ -19,6 +19,12 @@ impl<S: Clone + PartialEq> History<S> {
         Self { past: VecDeque::new(), present, future: Vec::new() }
     }
 
+    /// Makes another state of each, of those to undo and redo too.
+    pub fn map(&mut self, make: impl Fn(&S) -> S) {
+        let states = self.past.iter_mut().chain([&mut self.present]).chain(&mut self.future);
+        states.for_each(|state| *state = make(state));
+    }
+
     /// Looks at the state once a frame. While something is `held` (a mouse button, a key that repeats) changes belong
     /// to the step in the making; it is done when it is let go.
     pub fn observe(&mut self, state: &S, held: bool) {
@@ -92,6 +98,17 @@ mod tests {
         history.observe(&3, false);
         assert!(!history.can_redo());
         assert_eq!(history.undo(), Some(1));
+    }
+
+    #[test]
+    fn all_states_are_made_anew() {
+        let mut history = History::new(0);
+        (1..4).for_each(|state| history.observe(&state, false));
+        history.undo();
+        history.map(|state| state * 10);
+        assert_eq!((history.redo(), history.undo(), history.undo()), (Some(30), Some(20), Some(10)));
+        history.observe(&10, false);
+        assert_eq!(history.undo(), Some(0), "the present one was made anew too");
     }
 
     #[test]

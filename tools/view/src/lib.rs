@@ -25,9 +25,11 @@ pub mod photometry;
 pub mod reach;
 pub mod recent;
 mod renderer;
+pub mod residency;
 pub mod rows;
 pub mod saved_view;
 pub mod seen;
+pub mod shared_lights;
 pub mod sheet;
 pub mod snapshots;
 pub mod sun;
@@ -66,6 +68,8 @@ pub enum RelightOn {
 pub struct WindowOptions {
     /// Container to open, or scene to render.
     pub path: Option<PathBuf>,
+    /// Containers of further views, as tabs beside it.
+    pub beside: Vec<PathBuf>,
     /// How a scene is rendered.
     pub live: live::LiveChoices,
     /// Where to save a PNG of the window once its picture stands; the window closes then.

@@ -20,13 +20,16 @@ use ltm_view::{RelightOn, WindowOptions};
 #[derive(Parser)]
 #[command(name = "ltm view", version, after_help = format!("Examples:
   ltm view room.ltc
+  ltm view hotel-lobby.ltc hotel-bar.ltc     views of one scene, as tabs under one mix
   ltm view room.glb                          renders into room.ltc, mixed from the first seconds
   ltm view scene.toml --samples 256 --size 1024x768
 
 {EXIT_CODES}"))]
 struct Arguments {
-    /// The container, or a scene to render: .toml, .glb, .gltf, .obj. Without it, one is dropped on the window.
-    file: Option<PathBuf>,
+    /// The container, or several of one scene, which are tabs under one mix; or a scene to render: .toml, .glb, .gltf, .obj. Without it, one is
+    /// dropped on the window.
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
     #[command(flatten)]
     scene: SceneArguments,
     /// Save a PNG of the window once its picture stands, and close it.
@@ -99,8 +102,10 @@ fn run(options: Arguments) -> Result<()> {
     use_threads(options.threads)?;
     let opened = Arc::new(AtomicBool::new(false));
     give_up_unless(opened.clone());
+    let mut files = options.files.into_iter();
     ltm_view::run(WindowOptions {
-        path: options.file,
+        path: files.next(),
+        beside: files.collect(),
         live: options.scene.choices(),
         screenshot: options.screenshot,
         frames: 10,

@@ -1,5 +1,6 @@
 //! What is on each light, and the lighting that this makes.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
@@ -236,6 +237,37 @@ impl Mix {
         Self { lights: lights.collect(), groups: Groups::from_parts(parts.collect(), to.lights().len()) }
     }
 
+    /// This mix with further lights, which stand behind its own in `to`: they are as in `scene`, the mix of the scene there, in its groups.
+    pub fn grown(&self, from: &LightBasis, to: &LightBasis, scene: &Self) -> Self {
+        let mut grown = self.carried(from, to, scene);
+        for light in from.lights().len()..to.lights().len() {
+            let Some(group) = scene.groups.of_light(light).map(|group| scene.groups.group(group)) else { continue };
+            match grown.groups.find(&group.name) {
+                Some(group) => grown.groups.put(light, Some(group)),
+                None => drop(grown.groups.make(&group.name, &[light])),
+            }
+        }
+        grown
+    }
+
+    /// The mix of some of the lights, by their indices, in another basis that has these alone. Each shines as it does among all: if only
+    /// others are soloed, none does.
+    pub fn picked(&self, lights: &[usize]) -> Cow<'_, Self> {
+        if lights.len() == self.lights.len() && lights.iter().enumerate().all(|(own, &light)| own == light) {
+            return Cow::Borrowed(self);
+        }
+        let parts = (0..self.groups.len()).map(|group| {
+            let is_own = |own: &usize| self.groups.of_light(lights[*own]) == Some(group);
+            (self.groups.group(group).clone(), (0..lights.len()).filter(is_own).collect())
+        });
+        let groups = Groups::from_parts(parts.collect(), lights.len());
+        let mut picked = Self { lights: lights.iter().map(|&light| self.lights[light].clone()).collect(), groups };
+        if self.has_solo() && !picked.has_solo() {
+            picked.switch_all(false);
+        }
+        Cow::Owned(picked)
+    }
+
     /// The lighting over the basis.
     ///
     /// Errors: weights that overflow.
@@ -425,5 +457,33 @@ mod tests {
         assert_eq!(carried.lights.iter().map(|light| light.stops).collect::<Vec<_>>(), [0.0, 0.0, 0.0, 1.0]);
         assert_eq!((carried.groups.lights(0), carried.groups.group(0).stops), (vec![1, 3], -2.0));
         assert_eq!(mix.carried(&old, &old, &Mix::of_scene(&old)), mix);
+    }
+
+    #[test]
+    fn a_mix_grows_by_lights_and_some_of_them_shine_as_they_do_among_all() {
+        let few = basis();
+        let mut all = basis();
+        for name in ["lamp.3", "bar/1", "bar/2"] {
+            all.push(Light::unplaced(name, LightKind::Lamp)).unwrap();
+        }
+        let scene = Mix::of_scene(&all);
+        let mut mix = Mix::of_scene(&few);
+        mix.lights[1].stops = 2.0;
+        mix.groups.group_mut(0).stops = -1.0;
+        let mut grown = mix.grown(&few, &all, &scene);
+        assert_eq!(grown.lights[..4], mix.lights);
+        assert_eq!(grown.groups.lights(0), [0, 1, 4], "lamp.3 joins the lamps");
+        assert_eq!(grown.groups.find("bar").map(|bar| grown.groups.lights(bar)), Some(vec![5, 6]));
+        assert_eq!(*grown.picked(&[0, 1, 2, 3]), mix);
+        assert!(matches!(grown.picked(&[0, 1, 2, 3, 4, 5, 6]), Cow::Borrowed(_)));
+        // In another order, with a light left out.
+        let mut own = LightBasis::new();
+        [5, 1].iter().for_each(|&light| own.push(all.lights()[light].clone()).unwrap());
+        let weights = |mix: &Mix| mix.picked(&[5, 1]).lighting(&own).unwrap().weights().to_vec();
+        assert_eq!(weights(&grown), [[1.0; 3], [2.0; 3]], "two stops up, and one down with its group");
+        grown.lights[6].solo = true;
+        assert_eq!(weights(&grown), [[0.0; 3]; 2], "another is soloed");
+        grown.toggle_group_solo(0, true);
+        assert_eq!(weights(&grown), [[0.0; 3], [2.0; 3]]);
     }
 }

@@ -48,6 +48,8 @@ pub struct Listing<'a> {
     pub folded: &'a BTreeSet<String>,
     /// Contribution of each light to the image; or empty.
     pub contributions: &'a [f32],
+    /// Lights that have no row: those of other views.
+    pub absent: &'a BTreeSet<usize>,
 }
 
 /// A group with what is in it, or a light.
@@ -64,7 +66,7 @@ pub fn rows(basis: &LightBasis, groups: &Groups, listing: Listing) -> Vec<Row> {
         let around = groups.around(light).map(|group| groups.group(group).name.as_str());
         let around = around.collect::<Vec<_>>().join(" ");
         let text = format!("{} {:?} {around}", own.name, own.kind).to_lowercase();
-        words.iter().all(|word| text.contains(word))
+        !listing.absent.contains(&light) && words.iter().all(|word| text.contains(word))
     };
     let lights: Vec<usize> = (0..basis.lights().len()).filter(|&light| shown(light)).collect();
     let entries = entries_of(basis, groups, &listing, &lights, None);
@@ -165,13 +167,19 @@ mod tests {
         rows.iter().filter_map(light).collect()
     }
 
+    fn listing_of(folded: &BTreeSet<String>) -> Listing<'_> {
+        static NONE: BTreeSet<usize> = BTreeSet::new();
+        Listing { search: "", order: Order::File, folded, contributions: &[], absent: &NONE }
+    }
+
     #[test]
     fn rows_are_searched_ordered_and_folded() {
         let basis = basis(&["spot 10", "sun", "spot 9", "door"]);
         let groups = Groups::of(&basis);
         let mut folded = BTreeSet::new();
         let all = |search: &str, order, folded: &_| {
-            rows(&basis, &groups, Listing { search, order, folded, contributions: &[1.0, 5.0, 2.0, 0.0] })
+            let contributions = &[1.0, 5.0, 2.0, 0.0];
+            rows(&basis, &groups, Listing { search, order, contributions, ..listing_of(folded) })
         };
         assert_eq!(lights(&all("", Order::File, &folded)), [0, 2, 1, 3]);
         assert_eq!(lights(&all("", Order::Name, &folded)), [3, 2, 0, 1]);
@@ -190,7 +198,8 @@ mod tests {
         let mut groups = Groups::of(&basis);
         let pair = groups.make("pair", &[0, 2]).unwrap();
         let folded = BTreeSet::new();
-        let listing = |search| Listing { search, order: Order::File, folded: &folded, contributions: &[] };
+        let absent = BTreeSet::from([1]);
+        let listing = |search| Listing { search, order: Order::File, ..listing_of(&folded) };
         let expected = [
             Row::Group { group: 0, depth: 0 },
             Row::Group { group: pair, depth: 1 },
@@ -201,6 +210,12 @@ mod tests {
         ];
         assert_eq!(rows(&basis, &groups, listing("")), expected);
         assert_eq!(lights(&rows(&basis, &groups, listing("pair"))), [0, 2]);
+        assert_eq!(lights(&rows(&basis, &groups, Listing { absent: &absent, ..listing("") })), [0, 2, 3]);
+        assert_eq!(
+            rows(&basis, &groups, Listing { absent: &(0..3).collect(), ..listing("") }).len(),
+            1,
+            "no empty groups"
+        );
     }
 
     #[test]
@@ -208,7 +223,7 @@ mod tests {
         let names: Vec<String> = (0..1000).map(|i| format!("row{}/lamp{i}", i % 20)).collect();
         let basis = basis(&names.iter().map(String::as_str).collect::<Vec<_>>());
         let (groups, folded) = (Groups::of(&basis), BTreeSet::new());
-        let listing = Listing { search: "", order: Order::Contribution, folded: &folded, contributions: &[] };
+        let listing = Listing { order: Order::Contribution, ..listing_of(&folded) };
         let rows = rows(&basis, &groups, listing);
         let mut found = lights(&rows);
         found.sort_unstable();

@@ -107,6 +107,25 @@ impl Snapshots {
         (self.compared, self.wipe) = (of.compared.filter(|index| *index < self.list.len()), of.wipe);
     }
 
+    /// Takes the lightings of the snapshots of another view of the scene: their pictures are this view's own, as are references. A lighting
+    /// that is compared with there is compared with here.
+    pub fn share(&mut self, of: &Self) {
+        self.read(of.mixes());
+        (self.revision, self.named, self.wipe) = (of.revision, self.named.max(of.named), of.wipe);
+        let lighting = |index: usize, of: &Self| of.list.get(index).filter(|s| s.mix.is_some()).map(|s| s.name.clone());
+        match of.compared.map(|index| lighting(index, of)) {
+            Some(Some(name)) => self.compared = self.find(&name),
+            // What it is compared with has no part in this view.
+            Some(None) => {}
+            None => self.compared = self.compared.filter(|&index| lighting(index, self).is_none()),
+        }
+    }
+
+    /// Makes other mixes of the lightings that give the same pictures.
+    pub fn map_mixes(&mut self, make: impl Fn(&Mix) -> Mix) {
+        self.list.iter_mut().filter_map(|snapshot| snapshot.mix.as_mut()).for_each(|mix| *mix = make(mix));
+    }
+
     /// Takes the pictures that the same snapshots have elsewhere.
     pub fn take_images(&mut self, of: &Self) {
         for snapshot in &mut self.list {
@@ -268,6 +287,35 @@ mod tests {
         let carried = snapshots.carried([4, 4], Mix::clone);
         assert_eq!((carried.list().len(), carried.compared()), (2, None));
         assert!(carried.list().iter().all(|s| s.image.is_none()));
+    }
+
+    #[test]
+    fn views_share_lightings_and_have_pictures_and_references_of_their_own() {
+        let [here, there] = [(); 2].map(|()| Arc::new(image(2, 2)));
+        let [mut front, mut other] = [(); 2].map(|()| Snapshots::default());
+        front.take(empty(), here.clone());
+        front.add_reference("photo.png", here.clone(), true);
+        front.toggle_compare(0);
+        other.add_reference("sketch.png", there.clone(), true);
+        other.share(&front);
+        let names = |all: &Snapshots| all.list().iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+        assert_eq!((names(&other), other.compared()), (vec!["Snapshot 1".into(), "sketch.png".into()], Some(0)));
+        assert_eq!((other.revision(), other.without_image().map(|(name, _)| name)), (1, Some("Snapshot 1")));
+        other.set_image("Snapshot 1", there.clone());
+        front.toggle_compare(0);
+        front.rename(0, "evening");
+        other.share(&front);
+        assert!(other.compared().is_none() && other.list()[0].image.is_none(), "another of that name might be meant");
+        other.set_image("evening", there.clone());
+        other.toggle_compare(1);
+        front.map_mixes(Mix::clone);
+        front.share(&other);
+        assert!(front.list()[0].image.as_ref().is_some_and(|image| Arc::ptr_eq(image, &here)));
+        assert_eq!((names(&front), front.compared()), (vec!["evening".into(), "photo.png".into()], None));
+        assert_eq!(front.revision(), other.revision());
+        // A name that was given in one view is not given again in another.
+        other.take(empty(), there);
+        assert_eq!(other.list()[2].name, "Snapshot 2");
     }
 
     #[test]

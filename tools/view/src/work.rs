@@ -94,6 +94,15 @@ impl Work {
         (self.look, self.kept) = (Some(path), (mix, revision));
     }
 
+    /// Takes further lights in: `scene` is the scene's own mix with them, `carry` brings a mix there. All steps can still be undone.
+    pub fn grow(&mut self, scene: Mix, carry: impl Fn(&Mix) -> Mix) {
+        // What was the scene's own still is, though its groups by name may be others.
+        let before = std::mem::replace(&mut self.scene, scene);
+        let carry = |mix: &Mix| if *mix == before { self.scene.clone() } else { carry(mix) };
+        (self.mix, self.kept.0) = (carry(&self.mix), carry(&self.kept.0));
+        self.history.map(carry);
+    }
+
     /// Goes on with the work on another container's lights, whose own mix is `scene`, by `carry`, which brings a mix there.
     /// Where nothing changes on the way, its steps can still be undone.
     pub fn go_on(&mut self, old: Self, carry: impl Fn(&Mix) -> Mix) {
@@ -140,6 +149,26 @@ mod tests {
         assert_eq!(work.mix.lights[0].stops, 1.0);
         work.undo();
         assert!(work.mix == work.scene && !work.can_undo());
+    }
+
+    #[test]
+    fn work_takes_further_lights_in_and_loses_no_step() {
+        let (few, mut all) = (basis([1.0; 3]), basis([1.0; 3]));
+        ["a1", "c"].iter().for_each(|name| all.push(Light::unplaced(*name, LightKind::Lamp)).unwrap());
+        let scene = Mix::of_scene(&all);
+        let mut work = Work::new(Mix::of_scene(&few));
+        work.mix.lights[0].stops = 1.0;
+        work.observe(false);
+        work.is_kept("a.toml".into(), work.mix.clone(), 0);
+        work.grow(scene.clone(), |mix| mix.grown(&few, &all, &scene));
+        assert_eq!((work.mix.lights.len(), work.mix.lights[0].stops), (4, 1.0));
+        assert!(!work.is_modified(0) && work.saved_in().is_some());
+        work.mix.lights[3].on = false;
+        work.observe(false);
+        work.undo();
+        assert!(work.mix.lights[3].on && work.saved_in().is_some());
+        work.undo();
+        assert!(work.mix == scene && !work.is_modified(0) && !work.can_undo());
     }
 
     #[test]

@@ -269,8 +269,10 @@ impl Shared {
     }
 }
 
-/// The worker of one container. Dropping it ends its threads.
+/// The worker of one container. It sleeps until it is woken, and holds no factors while it does; what is done beside it goes on. Dropping
+/// it ends its threads.
 pub struct Worker {
+    source: Arc<ContainerReader>,
     shared: Arc<Shared>,
     events: Receiver<Event>,
     outbox: Outbox,
@@ -294,22 +296,50 @@ impl Outbox {
 }
 
 impl Worker {
-    /// Begins to load the factors of an open container. `wake` is called after every event.
-    pub fn start(source: Arc<ContainerReader>, means: Means, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
-        let shared = Arc::new(Shared::default());
+    /// The worker of an open container, asleep. `wake` is called after every event.
+    pub fn asleep(source: Arc<ContainerReader>, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
         let (sender, events) = channel();
         let outbox = Outbox { events: sender, wake };
-        let thread = {
-            let (shared, outbox) = (shared.clone(), outbox.clone());
-            std::thread::spawn(move || {
-                if let Err(error) = work(&source, means, &shared, &outbox)
-                    && !shared.stopped()
-                {
-                    outbox.send(Event::Failed(line(&error)));
-                }
-            })
-        };
-        Self { shared, events, outbox, thread: Some(thread) }
+        Self { source, shared: Arc::default(), events, outbox, thread: None }
+    }
+
+    /// Begins to load the factors, unless it is awake.
+    pub fn wake(&mut self, means: Means) {
+        if self.is_awake() {
+            return;
+        }
+        *self.shared.wishes() = Wishes::default();
+        self.shared.stop.store(false, Ordering::Relaxed);
+        let (source, shared, outbox) = (self.source.clone(), self.shared.clone(), self.outbox.clone());
+        self.thread = Some(std::thread::spawn(move || {
+            if let Err(error) = work(&source, means, &shared, &outbox)
+                && !shared.stopped()
+            {
+                outbox.send(Event::Failed(line(&error)));
+            }
+        }));
+    }
+
+    /// Lets the factors go. Of what was asked for nothing comes any more but what is among the events already.
+    pub fn sleep(&mut self) {
+        {
+            // Locked, so that nobody is about to wait who has not seen it.
+            let _wishes = self.shared.wishes();
+            self.shared.stop.store(true, Ordering::Relaxed);
+        }
+        self.shared.woken.notify_all();
+        if let Some(thread) = self.thread.take() {
+            // A panic there was reported by its own message; there is nothing to add here.
+            let _ = thread.join();
+        }
+        let meter = &self.shared.meter;
+        meter.resident_bytes.store(0, Ordering::Relaxed);
+        meter.device_bytes.store(0, Ordering::Relaxed);
+    }
+
+    /// Whether it was woken.
+    pub fn is_awake(&self) -> bool {
+        self.thread.is_some()
     }
 
     /// Asks for a picture; one that was asked for and not begun is forgotten.
@@ -344,12 +374,7 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Relaxed);
-        self.shared.woken.notify_all();
-        if let Some(thread) = self.thread.take() {
-            // A panic there was reported by its own message; there is nothing to add here.
-            let _ = thread.join();
-        }
+        self.sleep();
     }
 }
 
@@ -358,13 +383,18 @@ fn work(source: &Arc<ContainerReader>, means: Means, shared: &Arc<Shared>, outbo
     let metered = Metered::new(source, &shared.meter, &shared.stop);
     let desk = Desk::new(source.clone(), shared.clone(), outbox.clone());
     let mut ids: Vec<BlockId> = source.shape().blocks().filter(|&id| source.has_block(id)).collect();
-    let needed_bytes: u64 = ids.iter().map(|&id| most_bytes(source, id)).sum();
+    let needed_bytes = needed_bytes(source);
     let middle = [source.shape().width(), source.shape().height()].map(|v| v as f32 / 2.0);
     nearest_first(source.shape(), middle, &mut ids);
     match means.budget_bytes {
         budget if budget < needed_bytes => desk.serve_paged(source, &metered, ids, (budget, means.device)),
         _ => desk.serve_resident(&metered, &ids, means.device),
     }
+}
+
+/// The most that all blocks take in memory as they are held for relighting.
+fn needed_bytes(source: &ContainerReader) -> u64 {
+    source.shape().blocks().filter(|&id| source.has_block(id)).map(|id| most_bytes(source, id)).sum()
 }
 
 /// The most that a block takes in memory as it is held for relighting: 16 bits a value, 8 and 32 bits more for each
@@ -401,8 +431,17 @@ impl Session {
     ///
     /// Errors: those of [`ContainerReader::open`].
     pub fn open(path: &Path, means: Means, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self> {
+        let mut session = Self::open_asleep(path, wake)?;
+        session.worker.wake(means);
+        Ok(session)
+    }
+
+    /// Opens a container whose worker sleeps.
+    ///
+    /// Errors: those of [`ContainerReader::open`].
+    pub fn open_asleep(path: &Path, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self> {
         let container = Arc::new(ContainerReader::open(path)?);
-        let worker = Worker::start(container.clone(), means, wake);
+        let worker = Worker::asleep(container.clone(), wake);
         let outbox = worker.outbox.clone();
         let _watch = FileWatch::start(path.to_owned(), move |change| outbox.send(Event::File(change)));
         Ok(Self { path: path.to_owned(), container, worker, _watch })
@@ -411,6 +450,11 @@ impl Session {
     /// The lights.
     pub fn basis(&self) -> &LightBasis {
         &self.container.job().basis
+    }
+
+    /// The most memory that the factors take, in bytes.
+    pub fn needed_bytes(&self) -> u64 {
+        needed_bytes(&self.container)
     }
 
     /// Mean rank over all blocks.

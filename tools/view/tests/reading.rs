@@ -82,7 +82,8 @@ fn what_cannot_be_read_is_said_and_tried_again_with_the_next_change() {
             looked_at: [0.0; 2],
         };
         is_away.store(true, Ordering::Relaxed);
-        let worker = Worker::start(container.clone(), Means { device: None, budget_bytes }, Arc::new(|| {}));
+        let mut worker = Worker::asleep(container.clone(), Arc::new(|| {}));
+        worker.wake(Means { device: None, budget_bytes });
         worker.request(request(1));
         let said = wait_for(&worker, "message", |event| match event {
             Event::Failed(said) => Some(said.clone()),

@@ -21,6 +21,8 @@ mod measures;
 mod real;
 #[path = "view_window/rendering.rs"]
 mod rendering;
+#[path = "view_window/tabs.rs"]
+mod tabs;
 #[path = "../../../tests/relight_source/texels.rs"]
 mod texels;
 
@@ -504,6 +506,7 @@ fn main() -> ExitCode {
         .chain(groups::TESTS)
         .chain(measures::TESTS)
         .chain(rendering::TESTS)
+        .chain(tabs::TESTS)
         .map(|(name, test)| trial(name, test))
         .collect();
     let without = !real::is_possible();
@@ -519,7 +522,7 @@ fn main() -> ExitCode {
     trials.push(driven.with_ignored_flag(without || !real::has_hands()));
     let killed = trial("a_killed_window_loses_no_work", real::a_killed_window_loses_no_work);
     trials.push(killed.with_ignored_flag(without || !real::has_hands()));
-    for (name, test) in rendering::REAL {
+    for (name, test) in rendering::REAL.into_iter().chain(tabs::REAL) {
         trials.push(trial(name, test).with_ignored_flag(without || !real::has_hands()));
     }
     let undesktopped =

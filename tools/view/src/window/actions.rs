@@ -15,6 +15,14 @@ use super::view_state::Beside;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     Open,
+    /// Open containers beside the view in front.
+    AddView,
+    /// Show the tab of this number.
+    Tab(usize),
+    NextTab,
+    LastTab,
+    /// Close the tab in front.
+    CloseTab,
     Reload,
     Quit,
     Png,
@@ -75,8 +83,8 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::SaveLook => document.files.wanted = Some(Purpose::SaveLook),
         Action::Reference => document.files.wanted = Some(Purpose::Reference),
         Action::CopyPicture => {
-            if let Some(image) = &document.shown.image {
-                context.copy_image(colour_image(&document.view.display.show(image)));
+            if let Some(image) = &document.front.shown.image {
+                context.copy_image(colour_image(&document.display.show(image)));
                 document.message = Some(Message::info("Copied the picture"));
             }
         }
@@ -84,29 +92,33 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
             let line = command_line(document);
             context.copy_text(line);
         }
-        Action::Brighter => document.view.display.tone.exposure_stops += 0.5,
-        Action::Darker => document.view.display.tone.exposure_stops -= 0.5,
+        Action::Brighter => document.display.tone.exposure_stops += 0.5,
+        Action::Darker => document.display.tone.exposure_stops -= 0.5,
         Action::Normalise => document.expose(),
         Action::ResetDisplay => document.reset_display(),
-        Action::NextCurve => document.view.display = document.view.display.next(false),
-        Action::LastCurve => document.view.display = document.view.display.next(true),
-        Action::Fit => document.view.viewport.fit(),
-        Action::ActualSize => document.view.viewport.one_to_one(context.pixels_per_point()),
-        Action::ZoomIn => document.view.viewport.zoom_about([0.0; 2], 1.25),
-        Action::ZoomOut => document.view.viewport.zoom_about([0.0; 2], 0.8),
+        Action::NextCurve => document.display = document.display.next(false),
+        Action::LastCurve => document.display = document.display.next(true),
+        Action::Fit => document.front.view.viewport.fit(),
+        Action::ActualSize => document.front.view.viewport.one_to_one(context.pixels_per_point()),
+        Action::ZoomIn => document.front.view.viewport.zoom_about([0.0; 2], 1.25),
+        Action::ZoomOut => document.front.view.viewport.zoom_about([0.0; 2], 0.8),
+        Action::Tab(tab) => document.show_tab(tab),
+        Action::NextTab => document.step_tab(false),
+        Action::LastTab => document.step_tab(true),
+        Action::CloseTab => document.close_tab(document.at),
         Action::Undo => document.work.undo(),
         Action::Redo => document.work.redo(),
         Action::ResetLights => document.work.reset(),
         Action::Snapshot => document.snapshot(),
         Action::Wipe => {
-            let last = document.compare.snapshots.list().len().checked_sub(1);
-            match document.compare.snapshots.compared().or(last) {
-                Some(index) => document.compare.snapshots.toggle_compare(index),
+            let last = document.front.compare.snapshots.list().len().checked_sub(1);
+            match document.front.compare.snapshots.compared().or(last) {
+                Some(index) => document.front.compare.snapshots.toggle_compare(index),
                 None => document.message = Some(Message::info("There is no snapshot yet: K keeps one")),
             }
         }
-        Action::Compare(index) if index < document.compare.snapshots.list().len() => {
-            document.compare.snapshots.toggle_compare(index)
+        Action::Compare(index) if index < document.front.compare.snapshots.list().len() => {
+            document.front.compare.snapshots.toggle_compare(index)
         }
         Action::NextLight | Action::LastLight | Action::FirstLight | Action::EndLight | Action::Light(_) => {
             select(document, action);
@@ -125,15 +137,16 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::Ungroup => selection::ungroup(&mut document.list, &mut document.work.mix),
         Action::Other | Action::Difference => {
             let meant = if action == Action::Other { Beside::Other } else { Beside::Difference };
-            let now = document.view.beside;
-            document.view.beside = if now == meant { Beside::Wipe } else { meant };
-            if document.compare.snapshots.compared().is_none() {
+            let now = document.front.view.beside;
+            document.front.view.beside = if now == meant { Beside::Wipe } else { meant };
+            if document.front.compare.snapshots.compared().is_none() {
                 act(context, document, Action::Wipe);
             }
         }
         Action::Find => context.memory_mut(|memory| memory.request_focus(search_id())),
         // The window's own.
         Action::Open
+        | Action::AddView
         | Action::Reload
         | Action::Quit
         | Action::Panels

@@ -1,6 +1,7 @@
 //! The whole window: where the panels stand, files dropped on it, messages.
 
 mod scenes;
+mod views;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -135,16 +136,16 @@ impl App {
             screenshot,
             failure,
         };
-        if let Some(path) = options.path {
-            app.open(context, &path);
-        }
+        let paths: Vec<PathBuf> = options.path.into_iter().chain(options.beside).collect();
+        app.open_all(context, &paths);
         app
     }
 
-    /// Opens a container, or renders a scene, instead of what is open, whose work is not kept.
-    pub fn open(&mut self, context: &egui::Context, path: &Path) {
+    /// Opens a container, or renders a scene, instead of what is open, whose work is not kept. Whether that could be begun.
+    pub fn open(&mut self, context: &egui::Context, path: &Path) -> bool {
         if ltm::scene::is_scene_file(path) {
-            return self.render(context, path);
+            self.render(context, path);
+            return true;
         }
         self.rendering = None;
         match Document::open(context, path, self.opening.clone()) {
@@ -157,33 +158,22 @@ impl App {
                 self.tell(kept);
                 let left = self.opening.state_folder.as_ref().and_then(|folder| LeftBehind::find(folder, path));
                 self.question = left.map(Question::LeftBehind).filter(|_| self.screenshot.is_none());
+                true
             }
             Err(error) => {
-                if self.screenshot.is_some() {
-                    self.message = Some(line(&error));
-                    return self.fail(context, error);
-                }
-                self.tell(Err(error));
+                self.refuse(context, error);
+                false
             }
         }
     }
 
-    /// Opens the container anew and goes on with the work on it.
-    fn reload(&mut self, context: &egui::Context) {
-        if let Some(rendering) = &mut self.rendering {
-            return rendering.restart(context, self.memory_bytes);
+    /// Tells why something cannot be opened; where a screenshot is to be taken, that ends it.
+    fn refuse(&mut self, context: &egui::Context, error: Error) {
+        if self.screenshot.is_some() {
+            self.message = Some(line(&error));
+            return self.fail(context, error);
         }
-        let Some(old) = self.document.take() else { return };
-        match Document::open(context, &old.session.path, self.opening.clone()) {
-            Ok(mut document) => {
-                document.go_on(old);
-                self.document = Some(document);
-            }
-            Err(error) => {
-                let old = self.document.insert(old);
-                old.message = Some(Message::failed("cannot be reloaded", &error));
-            }
-        }
+        self.tell(Err(error));
     }
 
     /// Does what would take the place of the work, or asks first where that is not saved.
@@ -216,7 +206,7 @@ impl App {
                 self.may_close = true;
                 context.send_viewport_cmd(egui::ViewportCommand::Close);
             }
-            Next::Open(path) => self.open(context, &path),
+            Next::Open(paths) => self.open_all(context, &paths),
             Next::LoadLook(path) => {
                 let kept = self.recent.add(RecentKind::Look, &path);
                 self.tell(kept);
@@ -325,7 +315,7 @@ impl App {
         let title = self.document.as_ref().map_or_else(
             || "ltm".to_owned(),
             |document| {
-                let path = self.rendering.as_ref().map_or(&document.session.path, |rendering| &rendering.scene);
+                let path = self.rendering.as_ref().map_or(&document.front.session.path, |rendering| &rendering.scene);
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let mark = if document.is_modified() { "● " } else { "" };
                 format!("{mark}{name} – ltm")
@@ -350,12 +340,12 @@ impl App {
 
     /// Pictures that have come of the open container.
     pub fn pictures(&self) -> u64 {
-        self.document.as_ref().map_or(0, |document| document.shown.pictures)
+        self.document.as_ref().map_or(0, |document| document.front.shown.pictures)
     }
 
     /// How much of the open container is in the picture.
     pub fn progress(&self) -> PictureProgress {
-        self.document.as_ref().map_or(PictureProgress::COMPLETE, |document| document.shown.progress)
+        self.document.as_ref().map_or(PictureProgress::COMPLETE, |document| document.front.shown.progress)
     }
 
     /// Draws one frame.
@@ -387,7 +377,7 @@ impl App {
                 }
                 match choice {
                     Some(Choice::Act(action)) => self.act(&context, action),
-                    Some(Choice::Open(path)) => self.proceed(&context, Next::Open(path)),
+                    Some(Choice::Open(path)) => self.proceed(&context, Next::Open(vec![path])),
                     Some(Choice::Look(path)) => self.proceed(&context, Next::LoadLook(path)),
                     None => {}
                 }
@@ -421,11 +411,12 @@ impl App {
                 context.send_viewport_cmd(egui::ViewportCommand::Fullscreen(!full));
             }
             (Action::Open, document) => {
-                let near = document.as_ref().map_or(Path::new("."), |document| document.session.path.as_path());
+                let near = document.as_ref().map_or(Path::new("."), |document| document.front.session.path.as_path());
                 let near = near.to_owned();
                 self.begin_choosing(context, Purpose::Container, &near);
             }
             (Action::Reload, Some(_)) => self.reload(context),
+            (Action::AddView, Some(_)) => self.choose_views(context),
             (action, Some(document)) => act(context, document, action),
             (_, None) => {}
         }
@@ -447,7 +438,7 @@ impl App {
         };
         self.dialog = None;
         match outcome {
-            Outcome::Answered(Answer::Chosen(path)) => self.chosen(context, purpose, path),
+            Outcome::Answered(Answer::Chosen(paths)) => self.chosen(context, purpose, paths),
             Outcome::Answered(Answer::Cancelled) => self.after_save = None,
             Outcome::Failed => {
                 self.native_dialogs = false;
@@ -472,29 +463,33 @@ impl App {
         let Some(chooser) = &mut self.chooser else { return };
         let purpose = chooser.purpose;
         match chooser.show(context) {
-            Some(Answer::Chosen(path)) => {
+            Some(Answer::Chosen(paths)) => {
                 self.chooser = None;
-                self.chosen(context, purpose, path);
+                self.chosen(context, purpose, paths);
             }
             Some(Answer::Cancelled) => (self.chooser, self.after_save) = (None, None),
             None => {}
         }
     }
 
-    /// Does with a file what it was chosen for.
-    fn chosen(&mut self, context: &egui::Context, purpose: Purpose, path: PathBuf) {
+    /// Does with files what they were chosen for: with one, unless several can be opened together.
+    fn chosen(&mut self, context: &egui::Context, purpose: Purpose, paths: Vec<PathBuf>) {
+        match purpose {
+            Purpose::Container => return self.proceed(context, Next::Open(paths)),
+            Purpose::View => return self.add_views(context, &paths, true),
+            _ => {}
+        }
+        let Some(path) = paths.into_iter().next() else { return };
         if purpose == Purpose::SaveLook {
             let kept = self.recent.add(RecentKind::Look, &path);
             self.tell(kept);
         }
-        let Some(document) = &mut self.document else {
-            return self.open(context, &path);
-        };
+        let Some(document) = &mut self.document else { return };
         if matches!(purpose, Purpose::Png | Purpose::Exr) {
-            document.files.export_base = path.with_extension("");
+            document.front.files.export_base = path.with_extension("");
         }
         match purpose {
-            Purpose::Container => self.proceed(context, Next::Open(path)),
+            Purpose::Container | Purpose::View => {}
             Purpose::LoadLook => self.proceed(context, Next::LoadLook(path)),
             Purpose::SaveContainer => exports::copy_container(document, path),
             Purpose::SaveLook => exports::write_look(document, path),
@@ -543,20 +538,21 @@ impl App {
             });
         });
         if let Some(path) = chosen {
-            self.open(ui.ctx(), &path);
+            self.open_all(ui.ctx(), &[path]);
         }
     }
 
-    /// Containers are opened, lighting files loaded; an image goes onto the selected texelled light if the pointer is
+    /// Containers are opened, several as views of one scene; lighting files loaded; an image goes onto the selected texelled light if the pointer is
     /// over the left panel, else it becomes a reference.
     fn take_dropped(&mut self, context: &egui::Context) {
         let dropped: Vec<PathBuf> =
             context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
+        let mut opened = Vec::new();
         for path in dropped {
             let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
             let Some(document) = self.document.as_ref().filter(|_| !["ltc", "glb", "gltf", "obj"].contains(&&*ending))
             else {
-                self.proceed(context, Next::Open(path));
+                opened.push(path);
                 continue;
             };
             let pointer = context.input(|input| input.pointer.latest_pos());
@@ -569,7 +565,10 @@ impl App {
                 (_, Some(light)) => Purpose::LightImage(light),
                 (_, None) => Purpose::Reference,
             };
-            self.chosen(context, purpose, path);
+            self.chosen(context, purpose, vec![path]);
+        }
+        if !opened.is_empty() {
+            self.proceed(context, Next::Open(opened));
         }
     }
 
@@ -627,7 +626,7 @@ impl eframe::App for App {
 
 /// The name, without ending, that is proposed where a file is chosen for something.
 fn near(document: &Document, purpose: Purpose) -> PathBuf {
-    let base = &document.files.export_base;
+    let base = &document.front.files.export_base;
     match (document.work.look(), purpose) {
         (Some(path), Purpose::SaveLook | Purpose::LoadLook) => path.with_extension(""),
         // Not the name under which the radiance is saved.

@@ -9,8 +9,9 @@ use crate::looks::{self, Saved};
 use crate::mixer::Mix;
 use crate::unsaved::{LeftBehind, Unsaved};
 use crate::work::Work;
-use crate::worker::{Brought, Session};
+use crate::worker::{Brought, Worker};
 use ltm::error::Result;
+use ltm::light::LightBasis;
 
 /// How long the work must have rested before it is written down.
 const REST: Duration = Duration::from_millis(700);
@@ -30,12 +31,11 @@ impl WorkState {
     }
 }
 
-/// Autosave of the work on one container.
-#[derive(Default)]
+/// Autosave of the work on the views of a scene.
 pub(super) struct Autosave {
     state_folder: Option<PathBuf>,
-    /// The file that the work belongs to, where that is not the container.
-    work_of: Option<PathBuf>,
+    /// The file that the work belongs to: the container that was opened first, or the scene that is rendered.
+    work_of: PathBuf,
     place: Option<Unsaved>,
     /// The state that was written last, or is being written.
     written: Option<WorkState>,
@@ -48,8 +48,8 @@ pub(super) struct Autosave {
 
 impl Autosave {
     /// Without a state folder nothing is saved.
-    pub(super) fn new(state_folder: Option<PathBuf>, work_of: Option<PathBuf>) -> Self {
-        Self { state_folder, work_of, ..Default::default() }
+    pub(super) fn new(state_folder: Option<PathBuf>, work_of: PathBuf) -> Self {
+        Self { state_folder, work_of, place: None, written: None, resting: None, is_writing: false, recovered: None }
     }
 
     /// Goes on in a document that was opened anew: what the old one's worker was writing is not heard of any more.
@@ -89,13 +89,13 @@ impl Autosave {
         left.is_none()
     }
 
-    /// Writes the work down, beside the worker.
+    /// Writes the work on these lights down, beside the worker.
     ///
     /// Errors: there is no place for it; it is not tried again.
-    pub(super) fn write(&mut self, session: &Session, saved: Saved, revision: u64) -> Result<()> {
+    pub(super) fn write(&mut self, worker: &Worker, basis: &LightBasis, saved: Saved, revision: u64) -> Result<()> {
         let Some(state_folder) = &self.state_folder else { return Ok(()) };
         if self.place.is_none() {
-            match Unsaved::begin(state_folder, self.work_of.as_ref().unwrap_or(&session.path)) {
+            match Unsaved::begin(state_folder, &self.work_of) {
                 Ok(place) => self.place = Some(place),
                 Err(error) => {
                     // Not once more in each frame.
@@ -106,9 +106,8 @@ impl Autosave {
         }
         let Some(look) = self.place.as_ref().map(Unsaved::look) else { return Ok(()) };
         (self.written, self.is_writing) = (Some(WorkState { mix: saved.mix.clone(), revision }), true);
-        let container = session.container.clone();
-        let write = move || Ok(Brought::Unsaved(looks::save(&look, &container.job().basis, &saved, true)));
-        session.worker.beside(write);
+        let basis = basis.clone();
+        worker.beside(move || Ok(Brought::Unsaved(looks::save(&look, &basis, &saved, true))));
         Ok(())
     }
 

@@ -17,6 +17,8 @@ use ltm::resources::human_bytes;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     Container,
+    /// Containers to be opened beside the view in front.
+    View,
     /// A copy of the container that is shown.
     SaveContainer,
     LoadLook,
@@ -37,7 +39,8 @@ pub(super) enum Purpose {
 /// Result of the dialogue.
 pub(super) enum Answer {
     Cancelled,
-    Chosen(PathBuf),
+    /// One file, or several where the purpose takes them.
+    Chosen(Vec<PathBuf>),
 }
 
 /// A folder, or a file that fits.
@@ -58,6 +61,8 @@ pub(super) struct Chooser {
     filter: String,
     newest_first: bool,
     name: String,
+    /// Names that are chosen together, if there are several; the last stands in the field.
+    several: Vec<String>,
     problem: Option<String>,
     /// Whether the name field is to get the keyboard focus.
     fresh: bool,
@@ -69,6 +74,7 @@ impl Purpose {
     pub(super) fn title(self) -> &'static str {
         match self {
             Self::Container => "Open a container or a scene",
+            Self::View => "Open further views of the scene beside this one",
             Self::SaveContainer => "Save the container as it stands",
             Self::LoadLook => "Load a look",
             Self::SaveLook => "Save the look",
@@ -87,7 +93,7 @@ impl Purpose {
     pub(super) fn endings(self) -> &'static [&'static str] {
         match self {
             Self::Container => &["ltc", "toml", "glb", "gltf", "obj"],
-            Self::SaveContainer => &["ltc"],
+            Self::View | Self::SaveContainer => &["ltc"],
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
             Self::Climate => &["epw", "wea"],
@@ -101,7 +107,15 @@ impl Purpose {
     }
 
     pub(super) fn saves(self) -> bool {
-        !matches!(self, Self::Container | Self::LoadLook | Self::Climate | Self::LightImage(_) | Self::Reference)
+        !matches!(
+            self,
+            Self::Container | Self::View | Self::LoadLook | Self::Climate | Self::LightImage(_) | Self::Reference
+        )
+    }
+
+    /// Whether several files can be chosen together.
+    pub(super) fn takes_several(self) -> bool {
+        matches!(self, Self::Container | Self::View)
     }
 }
 
@@ -121,6 +135,7 @@ impl Chooser {
             filter: String::new(),
             newest_first: false,
             name,
+            several: Vec::new(),
             problem: None,
             fresh: true,
         };
@@ -148,6 +163,7 @@ impl Chooser {
             .collect();
         self.folder = folder;
         self.filter.clear();
+        self.several.clear();
         self.sort();
     }
 
@@ -210,6 +226,10 @@ impl Chooser {
             }
             let field = field.response;
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+            if self.several.len() > 1 {
+                let text = format!("{} files, as views of one scene", self.several.len());
+                ui.label(RichText::new(text).size(11.5).color(WEAK));
+            }
             if let Some(problem) = &self.problem {
                 ui.label(RichText::new(problem).size(11.5).color(ALARM));
             }
@@ -249,14 +269,15 @@ impl Chooser {
                     (false, Some(written)) => format!("{}   {}", human_bytes(*bytes), ago(*written)),
                     _ => String::new(),
                 };
-                let row = egui::Button::selectable(*name == self.name, text).truncate();
+                let is_chosen = *name == self.name || self.several.contains(name);
+                let row = egui::Button::selectable(is_chosen, text).truncate();
                 let row = row.right_text(RichText::new(facts).size(11.5).color(WEAK));
                 let size = vec2(ui.available_width(), 22.0);
                 let layout = egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true);
                 let layout = layout.with_main_align(egui::Align::Min);
                 let response = ui.allocate_ui_with_layout(size, layout, |ui| ui.add(row)).inner;
                 if response.double_clicked() && !is_folder {
-                    picked = Some(Answer::Chosen(self.folder.join(name)));
+                    picked = Some(Answer::Chosen(vec![self.folder.join(name)]));
                 } else if response.clicked() {
                     entered = Some((name.clone(), *is_folder));
                 }
@@ -267,11 +288,31 @@ impl Chooser {
         }
         match entered {
             Some((name, true)) => self.enter(self.folder.join(name)),
-            Some((name, false)) => self.name = name,
+            Some((name, false)) => {
+                let adds = self.purpose.takes_several() && ui.input(|input| input.modifiers.command);
+                self.choose(name, adds);
+            }
             None => {}
         }
         // Where something would be replaced, a double click is no consent.
         picked.filter(|_| !self.purpose.saves())
+    }
+
+    /// Chooses a file, beside those that are chosen if it `adds`, or no more if it is one of them.
+    fn choose(&mut self, name: String, adds: bool) {
+        if !adds {
+            self.several.clear();
+        } else if let Some(at) = self.several.iter().position(|other| *other == name) {
+            self.several.remove(at);
+            self.name = self.several.last().cloned().unwrap_or_default();
+            return;
+        } else {
+            if self.several.is_empty() && !self.name.is_empty() {
+                self.several.push(self.name.clone());
+            }
+            self.several.push(name.clone());
+        }
+        self.name = name;
     }
 
     /// The path that the name refers to in this folder.
@@ -295,6 +336,10 @@ impl Chooser {
             self.fresh = true;
             return None;
         }
-        Some(Answer::Chosen(target))
+        // What was typed since takes the place of what was chosen.
+        if self.several.len() > 1 && self.several.last() == Some(&self.name) {
+            return Some(Answer::Chosen(self.several.iter().map(|name| self.folder.join(name)).collect()));
+        }
+        Some(Answer::Chosen(vec![target]))
     }
 }

@@ -12,15 +12,18 @@ use crate::worker::Brought;
 /// The command that makes this picture. The lighting is written for it, into a new file of its own, unless it stands in
 /// one already.
 pub(super) fn command_line(document: &mut Document) -> String {
-    let own = document.files.command_look.as_ref().filter(|own| own.mix == document.work.mix && own.path.is_file());
-    let saved = document.work.saved_in().or(own.map(|own| own.path.as_path())).map(Path::to_owned);
-    let look = saved.clone().unwrap_or_else(|| free_look(&document.files.export_base));
-    let png = with_ending(&document.files.export_base, "png");
+    let own =
+        document.front.files.command_look.as_ref().filter(|own| own.mix == document.work.mix && own.path.is_file());
+    // A file of all lights may name some that this view lacks.
+    let saved = document.work.saved_in().filter(|_| document.front.lights.are_all(&document.lights));
+    let saved = saved.or(own.map(|own| own.path.as_path())).map(Path::to_owned);
+    let look = saved.clone().unwrap_or_else(|| free_look(&document.front.files.export_base));
+    let png = with_ending(&document.front.files.export_base, "png");
     let line = export::command_line(
-        &document.session.path,
+        &document.front.session.path,
         &look,
         &png,
-        &document.view.display,
+        &document.display,
         document.lumens_per_watt().ok(),
     );
     if saved.is_some() {
@@ -28,8 +31,9 @@ pub(super) fn command_line(document: &mut Document) -> String {
         return line;
     }
     let message = format!("Wrote {} and copied: {line}", name_of(&look));
-    document.files.command_look = Some(CommandLook { path: look.clone(), mix: document.work.mix.clone() });
-    let (container, saved) = (document.session.container.clone(), Saved::of(document.work.mix.clone()));
+    document.front.files.command_look = Some(CommandLook { path: look.clone(), mix: document.work.mix.clone() });
+    let mix = document.front.lights.mix(&document.work.mix).into_owned();
+    let (container, saved) = (document.front.session.container.clone(), Saved::of(mix));
     document.start_job(move || {
         looks::save(&look, &container.job().basis, &saved, false)?;
         Ok(Brought::Message(message))

@@ -135,6 +135,15 @@ impl Comparison {
         self.thumbnails.clear();
     }
 
+    /// Goes on with the lightings of the snapshots, and the settings, of a view that was in front before.
+    pub(super) fn share(&mut self, front: &mut Self) {
+        self.snapshots.share(&front.snapshots);
+        self.forget_thumbnails();
+        (self.step_secs, self.frames_per_sec) = (front.step_secs, front.frames_per_sec);
+        self.snapshot_wanted = std::mem::take(&mut front.snapshot_wanted);
+        (self.renamed, front.renamed) = (None, None);
+    }
+
     /// Takes a snapshot away.
     pub(super) fn remove(&mut self, index: usize) {
         self.thumbnails.remove(&self.snapshots.list()[index].name);

@@ -52,9 +52,9 @@ pub(super) fn open_climate(document: &mut Document, path: PathBuf) {
 
 fn put(document: &mut Document) {
     let Some(daylight) = &document.daylight else { return };
-    let place = document.session.path.display().to_string();
+    let place = document.front.session.path.display().to_string();
     let mut mix = document.work.mix.clone();
-    match daylight.put(&place, document.session.basis(), &mut mix) {
+    match daylight.put(&place, document.lights.basis(), &mut mix) {
         Ok(()) => document.work.mix = mix,
         Err(error) => document.message = Some(Message::problem(line(&error))),
     }

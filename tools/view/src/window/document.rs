@@ -1,33 +1,28 @@
 //! One open container with everything that the window knows of it.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
 
 use super::autosave::Autosave;
-use super::comparison::Comparison;
-use super::features_view::FeaturesView;
+use super::exposure::Exposure;
 use super::file_jobs::{FileJobs, JobCount};
 use super::light_list::LightList;
-use super::light_meter::LightMeter;
 use super::message::Message;
+use super::open_view::{OpenView, open_session};
 use super::pattern_editor::PatternEditorState;
-use super::requests::Requests;
-use super::shown_picture::ShownPicture;
-use super::surfaces_state::SurfacesState;
-use super::view_state::ViewState;
 use crate::daylight::Daylight;
+use crate::display::Display;
 use crate::looks::Saved;
 use crate::mixer::Mix;
 use crate::rows::Row;
+use crate::shared_lights::SharedLights;
 use crate::work::Work;
-use crate::worker::{Brought, Means, Session};
+use crate::worker::{Brought, Means};
 use ltm::error::Result;
-use ltm::image::LUMENS_PER_WATT;
+use ltm::image::{LUMENS_PER_WATT, LinearImage};
 use ltm::light::{LightBasis, LightUnit};
-use ltm::matrix::FactorSource;
 
 /// Options for opening a document.
 #[derive(Clone)]
@@ -44,84 +39,82 @@ pub(super) struct Opening {
     pub(super) work_of: Option<PathBuf>,
 }
 
-/// Each part stands in a file of its own and knows no other; what concerns several is done here and above.
+/// What all views of a scene share, the view in front, and those behind it. Each part stands in a file of its own and knows no other; what
+/// concerns several is done here and above.
 pub(super) struct Document {
-    /// The container and its worker.
-    pub(super) session: Session,
+    /// The lights of all views.
+    pub(super) lights: SharedLights,
     /// The mix, its undo, its file.
     pub(super) work: Work,
     /// The mixer's list.
     pub(super) list: LightList,
-    /// How the picture is shown, and what was asked of it.
-    pub(super) view: ViewState,
-    /// What is known of the surfaces.
-    pub(super) surfaces: SurfacesState,
-    /// The light meter.
-    pub(super) meter: LightMeter,
-    /// The view of features.
-    pub(super) features: FeaturesView,
-    /// Snapshots and references.
-    pub(super) compare: Comparison,
+    /// How pictures are shown.
+    pub(super) display: Display,
+    exposure: Exposure,
     /// The texture editor's settings.
     pub(super) editor: PatternEditorState,
     /// The climate by which sky and sun are set, if one was opened.
     pub(super) daylight: Option<Daylight>,
-    /// The newest picture.
-    pub(super) shown: ShownPicture,
-    /// Requests to the worker.
-    pub(super) requests: Requests,
     /// Files that are read and written.
     pub(super) files: FileJobs,
     /// What the status line says.
     pub(super) message: Option<Message>,
     /// The work as it is written down.
     pub(super) autosave: Autosave,
+    /// The view in front, which the panels show.
+    pub(super) front: OpenView,
+    /// The others, in the order of their tabs, and the place of the one in front among all.
+    pub(super) behind: Vec<OpenView>,
+    pub(super) at: usize,
+    /// Resources for further views.
+    pub(super) opening: Opening,
 }
 
 impl Document {
     /// Opens a container. The pictures are shown on the device of the opening's state if that is the one of its means.
     pub(super) fn open(context: &egui::Context, path: &Path, opening: Opening) -> Result<Self> {
-        let wake = {
-            let context = context.clone();
-            Arc::new(move || context.request_repaint())
-        };
-        let session = Session::open(path, opening.means, wake)?;
-        let mix = Mix::of_scene(session.basis());
-        let lighting = Arc::new(mix.lighting(session.basis())?);
-        Ok(Self {
+        let session = open_session(context, path)?;
+        let (lights, own) = SharedLights::of(session.basis());
+        let mix = Mix::of_scene(lights.basis());
+        let work_of = opening.work_of.clone().unwrap_or_else(|| path.to_owned());
+        let mut document = Self {
             list: LightList::new(&mix),
+            front: OpenView::new(view_name(path), session, own, &mix, opening.state.clone())?,
             work: Work::new(mix),
-            view: ViewState::default(),
-            surfaces: SurfacesState::default(),
-            meter: LightMeter::default(),
-            features: FeaturesView::default(),
-            compare: Comparison::new(),
+            display: Display::default(),
+            exposure: Exposure::default(),
             editor: PatternEditorState::default(),
             daylight: None,
-            shown: ShownPicture::new(opening.state),
-            requests: Requests::new(lighting),
-            files: FileJobs::new(path, opening.jobs),
+            files: FileJobs::new(opening.jobs.clone()),
             message: None,
-            autosave: Autosave::new(opening.state_folder, opening.work_of),
-            session,
-        })
+            autosave: Autosave::new(opening.state_folder.clone(), work_of),
+            lights,
+            behind: Vec::new(),
+            at: 0,
+            opening,
+        };
+        document.share_memory();
+        Ok(document)
     }
 
-    /// Goes on with the work on `old`, the same container as it was before.
-    pub(super) fn go_on(&mut self, old: Self) {
-        let same_size = old.size() == self.size();
-        let (from, to) = (old.session.container.clone(), self.session.container.clone());
-        let (from, to) = (&from.job().basis, &to.job().basis);
+    /// Goes on with the work on `old`, the same containers as they were before.
+    pub(super) fn go_on(&mut self, mut old: Self) {
+        let (from, to) = (old.lights.basis(), self.lights.basis());
         let scene = self.work.scene.clone();
         let carry = |mix: &Mix| mix.carried(from, to, &scene);
-        self.compare.snapshots = old.compare.snapshots.carried(self.size(), carry);
+        self.front.compare.snapshots = old.front.compare.snapshots.carried(self.front.size(), carry);
         let lost = from.lights().iter().filter(|light| to.find(&light.name).is_none()).count();
         self.work.go_on(old.work, carry);
         if from.lights().len() == to.lights().len() {
             self.list.go_on(old.list, to.lights().len());
         }
-        self.view.go_on(old.view, same_size.then_some(1.0));
-        self.files.go_on(old.files);
+        let old_views = std::iter::once(old.front).chain(std::mem::take(&mut old.behind));
+        for (view, old) in std::iter::once(&mut self.front).chain(&mut self.behind).zip(old_views) {
+            let same_size = old.size() == view.size();
+            view.view.go_on(old.view, same_size.then_some(1.0));
+            view.files.go_on(old.files);
+        }
+        self.set_display(old.display);
         (self.editor, self.daylight) = (old.editor, old.daylight);
         let lost = match lost {
             0 => String::new(),
@@ -136,25 +129,25 @@ impl Document {
     /// Takes the place of `old`, an estimate of the same scene with the same lights, with all that was done to it. Where both are of one view,
     /// nothing but the picture changes.
     pub(super) fn take_place_of(&mut self, old: Self) {
-        let scale = self.size()[0] as f32 / old.size()[0] as f32;
-        let (from, to) = (old.session.container.clone(), self.session.container.clone());
-        let (from, to) = (&from.job().basis, &to.job().basis);
+        let (front, before) = (&mut self.front, old.front);
+        let scale = front.size()[0] as f32 / before.size()[0] as f32;
+        let (from, to) = (old.lights.basis(), self.lights.basis());
         let scene = self.work.scene.clone();
-        let mut compare = old.compare;
-        compare.snapshots = std::mem::take(&mut self.compare.snapshots);
+        let mut compare = before.compare;
+        compare.snapshots = std::mem::take(&mut front.compare.snapshots);
         compare.forget_difference();
         compare.is_relighting = false;
-        self.compare = compare;
+        front.compare = compare;
         self.work.go_on(old.work, |mix| mix.carried(from, to, &scene));
         if from.lights().len() == to.lights().len() {
             self.list.go_on(old.list, to.lights().len());
         }
-        self.view.go_on(old.view, Some(scale));
-        self.meter.go_on(old.meter, scale);
-        self.features.shows = old.features.shows;
-        let wanted = old.files.wanted;
-        self.files.go_on(old.files);
-        self.files.wanted = wanted;
+        front.view.go_on(before.view, Some(scale));
+        front.meter.go_on(before.meter, scale);
+        front.features.shows = before.features.shows;
+        front.files.go_on(before.files);
+        self.files.wanted = old.files.wanted;
+        self.set_display(old.display);
         (self.editor, self.daylight) = (old.editor, old.daylight);
         self.message = old.message;
         self.autosave = old.autosave;
@@ -164,70 +157,64 @@ impl Document {
     /// Makes this, which is not shown yet, follow what is done to `shown`, an earlier estimate. Whether it can take its place: its whole
     /// picture stands.
     pub(super) fn follow(&mut self, shown: &Self) -> bool {
-        let (from, to) = (shown.session.container.clone(), self.session.container.clone());
-        let carry = |mix: &Mix| mix.carried(&from.job().basis, &to.job().basis, &self.work.scene);
+        let (from, to) = (shown.lights.basis(), self.lights.basis());
+        let carry = |mix: &Mix| mix.carried(from, to, &self.work.scene);
         let mix = carry(&shown.work.mix);
-        if self.compare.snapshots.revision() != shown.compare.snapshots.revision()
-            || self.compare.snapshots.list().len() != shown.compare.snapshots.list().len()
-        {
-            let before = self.compare.snapshots.clone();
-            self.compare.snapshots = shown.compare.snapshots.refined(carry);
-            self.compare.snapshots.take_images(&before);
+        let (own, theirs) = (&mut self.front.compare.snapshots, &shown.front.compare.snapshots);
+        if own.revision() != theirs.revision() || own.list().len() != theirs.list().len() {
+            let before = own.clone();
+            *own = theirs.refined(carry);
+            own.take_images(&before);
         }
-        self.compare.snapshots.follow(&shown.compare.snapshots);
+        own.follow(theirs);
         self.work.mix = mix;
-        self.view.set_display(shown.view.display);
-        self.view.viewport.centre = shown.view.viewport.scaled(self.size()[0] as f32 / shown.size()[0] as f32).centre;
-        self.is_ready() && self.compare.snapshots.without_image().is_none()
+        self.set_display(shown.display);
+        let scale = self.front.size()[0] as f32 / shown.front.size()[0] as f32;
+        self.front.view.viewport.centre = shown.front.view.viewport.scaled(scale).centre;
+        self.front.is_ready() && self.front.compare.snapshots.without_image().is_none()
     }
 
-    /// Whether its whole picture stands.
-    pub(super) fn is_ready(&self) -> bool {
-        let stands = self.shown.progress.is_complete() && self.shown.valued == self.shown.seen;
-        stands && self.requests.are_answered() && self.shown.id().is_some()
-    }
-
+    /// The lights of all views.
     pub(super) fn basis(&self) -> &LightBasis {
-        self.session.basis()
+        self.lights.basis()
     }
 
     /// Width and height of the picture.
     pub(super) fn size(&self) -> [u32; 2] {
-        let shape = self.session.container.shape();
-        [shape.width(), shape.height()]
+        self.front.size()
     }
 
     /// The rows of the mixer.
     pub(super) fn rows(&self) -> Vec<Row> {
-        self.list.rows(self.session.basis(), &self.work.mix)
+        self.list.rows(self.basis(), &self.work.mix)
     }
 
     /// Whether there are unsaved changes.
     pub(super) fn is_modified(&self) -> bool {
-        self.work.is_modified(self.compare.snapshots.revision())
+        self.work.is_modified(self.front.compare.snapshots.revision())
     }
 
     /// The content of a lighting file.
     pub(super) fn saved(&self) -> Saved {
         Saved {
             mix: self.work.mix.clone(),
-            snapshots: self.compare.snapshots.mixes(),
-            display: Some(self.view.display),
+            snapshots: self.front.compare.snapshots.mixes(),
+            display: Some(self.display),
             keys: self.work.keys.clone(),
         }
     }
 
     /// Metres of a scene unit; 0 where that is not known.
     pub(super) fn metres_per_unit(&self) -> f32 {
-        let stated = self.session.container.job().provenance.metres_per_unit;
-        if stated > 0.0 || !self.view.assumes_metres { stated } else { 1.0 }
+        let stated = self.front.session.container.job().provenance.metres_per_unit;
+        if stated > 0.0 || !self.front.view.assumes_metres { stated } else { 1.0 }
     }
 
     /// What makes luminances cd/m², where a weight 1 on each light is a physical quantity and pixels are radiances; else why
     /// they are not.
     pub(super) fn lumens_per_watt(&self) -> std::result::Result<f32, String> {
         let metres = self.metres_per_unit();
-        for light in self.basis().lights() {
+        for light in self.front.session.basis().lights() {
             match light.unit {
                 LightUnit::Radiance | LightUnit::Irradiance => {}
                 // Intensity falls with the square of a distance, whose unit must be known.
@@ -246,35 +233,53 @@ impl Document {
 
     /// Starts a job on files beside the worker.
     pub(super) fn start_job(&mut self, job: impl FnOnce() -> Result<Brought> + Send + 'static) {
-        self.files.start(&self.session, job);
+        self.files.start(&self.front.session, job);
     }
 
     /// Whether the whole image is complete and nothing is pending.
     pub(super) fn is_settled(&self) -> bool {
-        let has_come = self.requests.are_answered() && self.shown.valued == self.shown.seen;
-        let is_measured = !self.compare.is_measuring() && !self.surfaces.is_reading();
-        let nothing_asked = !self.view.select_strongest && !self.compare.is_relighting && is_measured;
-        self.shown.progress.is_complete() && has_come && nothing_asked && !self.files.any_open()
+        let has_come = self.front.requests.are_answered() && self.front.shown.valued == self.front.shown.seen;
+        let is_measured = !self.front.compare.is_measuring() && !self.front.surfaces.is_reading();
+        let nothing_asked = !self.front.view.select_strongest && !self.front.compare.is_relighting && is_measured;
+        let is_done = self.front.shown.progress.is_complete() && has_come && nothing_asked && !self.files.any_open();
+        is_done && self.are_settled_behind()
+    }
+
+    /// Shows from now on as it is told.
+    pub(super) fn set_display(&mut self, display: Display) {
+        self.display = display;
+        self.exposure.stay();
+    }
+
+    /// Exposes for a picture that streams in, unless the exposure was set.
+    pub(super) fn follow_exposure(&mut self, image: &LinearImage) {
+        self.exposure.follow(&mut self.display, image, self.front.shown.progress.is_complete());
     }
 
     /// Back to how the picture was first shown.
     pub(super) fn reset_display(&mut self) {
-        self.view.display = Default::default();
+        self.display = Default::default();
         self.expose();
     }
 
     pub(super) fn expose(&mut self) {
-        if let Some(image) = &self.shown.image {
-            self.view.display.tone.exposure_stops = ltm::image::exposure_for(image);
+        if let Some(image) = &self.front.shown.image {
+            self.display.tone.exposure_stops = ltm::image::exposure_for(image);
         }
     }
 
     /// Keeps the lighting with its picture: at once, or when the picture is there.
     pub(super) fn snapshot(&mut self) {
-        let is_there = self.shown.valued >= self.requests.relit && self.requests.lit.as_ref() == Some(&self.work.mix);
-        self.compare.snapshot_wanted = !is_there;
-        if let (true, Some(image)) = (is_there, self.shown.image.clone()) {
-            self.compare.snapshots.take(self.work.mix.clone(), image);
+        let is_there = self.front.shown.valued >= self.front.requests.relit
+            && self.front.requests.lit.as_ref() == Some(&self.work.mix);
+        self.front.compare.snapshot_wanted = !is_there;
+        if let (true, Some(image)) = (is_there, self.front.shown.image.clone()) {
+            self.front.compare.snapshots.take(self.work.mix.clone(), image);
         }
     }
+}
+
+/// What the tab of a container is called: its file's name without its ending.
+pub(super) fn view_name(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

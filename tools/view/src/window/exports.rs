@@ -19,33 +19,33 @@ use ltm::relight::relight_streaming;
 /// Writes the lighting.
 pub(super) fn write_look(document: &mut Document, path: PathBuf) {
     let message = format!("Saved {}", path.display());
-    let (container, saved) = (document.session.container.clone(), Box::new(document.saved()));
-    let revision = document.compare.snapshots.revision();
+    let (basis, saved) = (document.basis().clone(), Box::new(document.saved()));
+    let revision = document.front.compare.snapshots.revision();
     document.start_job(move || {
-        looks::save(&path, &container.job().basis, &saved, true)?;
+        looks::save(&path, &basis, &saved, true)?;
         Ok(Brought::Wrote { path, saved, revision, message })
     });
 }
 
 /// Writes the picture as it is shown.
 pub(super) fn write_png(document: &mut Document, path: PathBuf) {
-    if let Some(shown) = document.features.shown().or(document.meter.overlay()).cloned() {
+    if let Some(shown) = document.front.features.shown().or(document.front.meter.overlay()).cloned() {
         return document.start_job(move || export::write_rgba(&path, shown.size, &shown.rgba).map(|()| wrote(&path)));
     }
-    let (Some(image), display) = (document.shown.image.clone(), document.view.display) else { return };
+    let (Some(image), display) = (document.front.shown.image.clone(), document.display) else { return };
     document.start_job(move || export::write_png(&path, &image, &display).map(|()| wrote(&path)));
 }
 
 /// Writes the radiance.
 pub(super) fn write_exr(document: &mut Document, path: PathBuf) {
-    let Some(image) = document.shown.image.clone() else { return };
+    let Some(image) = document.front.shown.image.clone() else { return };
     document.start_job(move || export::write_radiance(&path, &image).map(|()| wrote(&path)));
 }
 
 /// Writes a layer for each light.
 pub(super) fn write_layers(document: &mut Document, path: PathBuf) {
-    let (container, relighter) = (document.session.container.clone(), document.shown.relighter.clone());
-    let mix = document.work.mix.clone();
+    let (container, relighter) = (document.front.session.container.clone(), document.front.shown.relighter.clone());
+    let mix = document.front.lights.mix(&document.work.mix).into_owned();
     document.start_job(move || {
         export::write_layers(&path, &container, relighter.as_deref(), &mix)?;
         Ok(wrote(&path))
@@ -54,8 +54,9 @@ pub(super) fn write_layers(document: &mut Document, path: PathBuf) {
 
 /// Writes all snapshots on one sheet, each as it is shown.
 pub(super) fn write_sheet(document: &mut Document, path: PathBuf) {
-    let display = document.view.display;
+    let display = document.display;
     let pictures: Vec<_> = document
+        .front
         .compare
         .snapshots
         .list()
@@ -78,17 +79,17 @@ pub(super) fn write_sheet(document: &mut Document, path: PathBuf) {
 
 /// Writes an animation from snapshot to snapshot, as numbered pictures or a video: by the times of the look's file, else evenly.
 pub(super) fn write_animation(document: &mut Document, path: PathBuf) {
-    let mixes = document.compare.snapshots.mixes();
+    let mixes = document.front.compare.snapshots.mixes();
     let mix_of = |name: &String| mixes.iter().find(|(own, _)| own == name).map(|(_, mix)| mix);
     let by_file: Vec<(f32, &Mix)> =
         document.work.keys.iter().filter_map(|(time, name)| Some((*time, mix_of(name)?))).collect();
-    let step_secs = document.compare.step_secs;
+    let step_secs = document.front.compare.step_secs;
     let evenly = mixes.iter().enumerate().map(|(index, (_, mix))| (index as f32 * step_secs, mix));
     let timed: Vec<(f32, &Mix)> = if by_file.len() > 1 { by_file } else { evenly.collect() };
-    let basis = document.session.basis();
-    let looks = timed.into_iter().map(|(time, mix)| Ok((time, mix.lighting(basis)?))).collect::<Result<Vec<_>>>();
-    let (container, relighter) = (document.session.container.clone(), document.shown.relighter.clone());
-    let (display, per_sec) = (document.view.display, document.compare.frames_per_sec);
+    let lit = timed.into_iter().map(|(time, mix)| Ok((time, document.front.lighting(mix)?)));
+    let looks = lit.collect::<Result<Vec<_>>>();
+    let (container, relighter) = (document.front.session.container.clone(), document.front.shown.relighter.clone());
+    let (display, per_sec) = (document.display, document.front.compare.frames_per_sec);
     document.start_job(move || {
         let looks = looks?;
         let frames = frames(&looks, per_sec)?;
@@ -102,7 +103,7 @@ pub(super) fn write_animation(document: &mut Document, path: PathBuf) {
 
 /// Copies the container that is shown.
 pub(super) fn copy_container(document: &mut Document, path: PathBuf) {
-    let from = document.session.path.clone();
+    let from = document.front.session.path.clone();
     document.start_job(move || {
         // Onto itself it stays what it is: it is replaced only once the copy stands.
         let mut source = ltm::files::open_input(&from, "copy")?;

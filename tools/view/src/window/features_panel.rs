@@ -21,18 +21,19 @@ pub(super) fn features(ui: &mut Ui, document: &mut Document) {
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().button_padding.x = 6.0;
         for (name, shows, about) in WAYS {
-            if ui.selectable_label(document.features.shows == shows, name).on_hover_text(about).clicked() {
-                document.features.shows = shows;
+            if ui.selectable_label(document.front.features.shows == shows, name).on_hover_text(about).clicked() {
+                document.front.features.shows = shows;
             }
         }
     });
-    if document.features.shows.is_none() {
+    if document.front.features.shows.is_none() {
         return;
     }
-    let text = match &document.surfaces {
+    let text = match &document.front.surfaces {
         SurfacesState::Known(surfaces) => {
             let [width, _] = document.size();
-            let value = document.view.hovered.and_then(|pixel| document.features.in_words(surfaces, pixel, width));
+            let value =
+                document.front.view.hovered.and_then(|pixel| document.front.features.in_words(surfaces, pixel, width));
             value.unwrap_or_else(|| "Point at the picture to read it".to_owned())
         }
         SurfacesState::Unknown(reason) => format!("Not known: {reason}"),

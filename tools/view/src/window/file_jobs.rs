@@ -10,15 +10,19 @@ use crate::mixer::Mix;
 use crate::worker::{Brought, Session};
 use ltm::error::Result;
 
-/// Files of a document, and the jobs that read and write them.
+/// The jobs that read and write files.
 pub(super) struct FileJobs {
     /// Jobs that are not done yet.
     open: usize,
     count: JobCount,
-    /// Name for exported files, without ending.
-    pub(super) export_base: PathBuf,
     /// Purpose of the file to choose.
     pub(super) wanted: Option<Purpose>,
+}
+
+/// The file of a view, and names of files that are made of it.
+pub(super) struct ViewFiles {
+    /// Name for exported files, without ending.
+    pub(super) export_base: PathBuf,
     /// What has become of the container's file since it was opened.
     pub(super) changed: Option<FileChange>,
     /// The file that was written for a command line.
@@ -32,9 +36,9 @@ pub(super) struct CommandLook {
     pub(super) mix: Mix,
 }
 
-impl FileJobs {
-    pub(super) fn new(container: &Path, count: JobCount) -> Self {
-        Self { open: 0, count, export_base: base_of(container), wanted: None, changed: None, command_look: None }
+impl ViewFiles {
+    pub(super) fn new(container: &Path) -> Self {
+        Self { export_base: base_of(container), changed: None, command_look: None }
     }
 
     /// Names files after another container.
@@ -42,8 +46,15 @@ impl FileJobs {
         self.export_base = base_of(container);
     }
 
+    /// Goes on with the names of files.
     pub(super) fn go_on(&mut self, old: Self) {
         (self.export_base, self.command_look) = (old.export_base, old.command_look);
+    }
+}
+
+impl FileJobs {
+    pub(super) fn new(count: JobCount) -> Self {
+        Self { open: 0, count, wanted: None }
     }
 
     /// Does something that takes long beside the worker.

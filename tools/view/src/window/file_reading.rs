@@ -20,17 +20,17 @@ pub(super) fn read_image(document: &mut Document, path: PathBuf, light: Option<u
 
 /// Reads a lighting file.
 pub(super) fn read_look(document: &mut Document, path: PathBuf) {
-    let container = document.session.container.clone();
-    let read = move || looks::load(&path, &container.job().basis).map(|saved| (Box::new(saved), path));
+    let basis = document.basis().clone();
+    let read = move || looks::load(&path, &basis).map(|saved| (Box::new(saved), path));
     document.start_job(move || read().map(|(saved, path)| Brought::Look { path, saved }));
 }
 
 /// Goes on with work that an earlier window left behind.
 pub(super) fn recover(document: &mut Document, left: LeftBehind) {
-    let container = document.session.container.clone();
+    let basis = document.basis().clone();
     // Where it cannot be read it stays for another time.
     document.start_job(move || {
-        let saved = Box::new(looks::load(&left.look(), &container.job().basis)?);
+        let saved = Box::new(looks::load(&left.look(), &basis)?);
         Ok(Brought::Recovered { saved, left })
     });
 }
@@ -47,7 +47,7 @@ pub(super) fn take_file(document: &mut Document, brought: Brought) -> Result<Str
             let message = format!("Loaded {}", path.display());
             let mix = saved.mix.clone();
             take_look(document, *saved);
-            document.work.is_kept(path, mix, document.compare.snapshots.revision());
+            document.work.is_kept(path, mix, document.front.compare.snapshots.revision());
             Ok(message)
         }
         Brought::Recovered { saved, left } => {
@@ -71,19 +71,19 @@ pub(super) fn take_file(document: &mut Document, brought: Brought) -> Result<Str
 fn take_look(document: &mut Document, saved: Saved) {
     let Saved { mix, snapshots, display, keys } = saved;
     document.work.replace(mix);
-    if !snapshots.is_empty() || !document.compare.snapshots.mixes().is_empty() {
-        document.compare.snapshots.read(snapshots);
-        document.compare.forget_thumbnails();
+    if !snapshots.is_empty() || !document.front.compare.snapshots.mixes().is_empty() {
+        document.front.compare.snapshots.read(snapshots);
+        document.front.compare.forget_thumbnails();
     }
     document.work.keys = keys;
     if let Some(display) = display {
-        document.view.set_display(display);
+        document.set_display(display);
     }
 }
 
 /// Lays an image over a light: a picture multiplies an area light, a map becomes what an environment sends.
 fn lay_image(document: &mut Document, index: usize, image: &LinearImage) {
-    let light = &document.session.basis().lights()[index];
+    let light = &document.lights.lights()[index];
     let mut pattern = Pattern::of_image(light.kind, image);
     let mut mix = document.work.mix.clone();
     let own = &mut mix.lights[index];
@@ -109,10 +109,10 @@ fn add_reference(document: &mut Document, path: &Path, image: LinearImage) -> Re
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
     let is_displayed = !["exr", "hdr", "pfm"].contains(&ending.as_str());
     let name = name_of(path);
-    let index = document.compare.snapshots.add_reference(&name, Arc::new(image), is_displayed);
-    document.compare.forget_thumbnail(&name);
-    if document.compare.snapshots.compared() != Some(index) {
-        document.compare.snapshots.toggle_compare(index);
+    let index = document.front.compare.snapshots.add_reference(&name, Arc::new(image), is_displayed);
+    document.front.compare.forget_thumbnail(&name);
+    if document.front.compare.snapshots.compared() != Some(index) {
+        document.front.compare.snapshots.toggle_compare(index);
     }
     let how = if is_displayed { ", shown as it is" } else { "" };
     Ok(format!("Comparing with {name}{how}"))

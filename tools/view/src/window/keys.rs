@@ -25,8 +25,14 @@ const CTRL: Modifiers = Modifiers::COMMAND;
 const ALT: Modifiers = Modifiers::ALT;
 
 /// All keys but the numbers. Where two differ in their modifiers only, the one with more comes first.
-pub(super) const BINDINGS: [Binding; 55] = [
-    bind(CTRL, Key::O, Action::Open, "Ctrl+O", "Open a container"),
+pub(super) const BINDINGS: [Binding; 61] = [
+    bind(CTRL.plus(SHIFT), Key::O, Action::AddView, "Ctrl+Shift+O", "Open containers beside this view, as tabs"),
+    bind(CTRL, Key::O, Action::Open, "Ctrl+O", "Open a container, or several as tabs"),
+    bind(CTRL.plus(SHIFT), Key::Tab, Action::LastTab, "", ""),
+    bind(CTRL, Key::Tab, Action::NextTab, "Ctrl+Tab / Ctrl+Shift+Tab", "Next or previous tab"),
+    bind(CTRL, Key::PageUp, Action::LastTab, "", ""),
+    bind(CTRL, Key::PageDown, Action::NextTab, "", ""),
+    bind(CTRL, Key::W, Action::CloseTab, "Ctrl+W", "Close the tab"),
     bind(CTRL, Key::R, Action::Reload, "Ctrl+R or F5", "Reload it, with your mix"),
     bind(NONE, Key::F5, Action::Reload, "", ""),
     bind(CTRL, Key::S, Action::Png, "Ctrl+S", "Save the picture as PNG"),
@@ -84,7 +90,8 @@ pub(super) const BINDINGS: [Binding; 55] = [
 ];
 
 /// What the numbers and the pointer do, for the help.
-const OTHERS: [(&str, &str); 17] = [
+const OTHERS: [(&str, &str); 18] = [
+    ("Ctrl+1 … 8", "Show that tab"),
     ("1 … 9", "Select the light in that row"),
     ("Shift+1 … 9", "Compare with that snapshot"),
     ("Alt, held", "See the compared picture whole"),
@@ -140,9 +147,15 @@ fn special(event: &Event) -> Option<Action> {
         [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
     match event {
         Event::Copy => Some(Action::CopyPicture),
-        Event::Key { key, physical_key, pressed: true, repeat: false, modifiers } if !modifiers.command => {
+        Event::Key { key, physical_key, pressed: true, repeat: false, modifiers } => {
             let number = NUMBERS.iter().position(|number| *number == physical_key.unwrap_or(*key))?;
-            Some(if modifiers.shift { Action::Compare(number) } else { Action::Light(number) })
+            match (modifiers.command, modifiers.shift) {
+                // Ctrl+9 fits the picture.
+                (true, false) => Some(Action::Tab(number)).filter(|_| number < 8),
+                (true, true) => None,
+                (false, true) => Some(Action::Compare(number)),
+                (false, false) => Some(Action::Light(number)),
+            }
         }
         _ => None,
     }

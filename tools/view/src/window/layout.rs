@@ -8,6 +8,7 @@ use super::light_panel::light_panel;
 use super::mixer_panel::mixer;
 use super::picture_panel::picture;
 use super::status::status;
+use super::tabs_panel::tabs;
 use super::theme::{ACCENT, LINE, PANEL, SELECTED, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, top_bar};
 use super::view_panel::view_panel;
@@ -41,6 +42,7 @@ pub(super) fn show_document(
     let bar = frame(PANEL, Margin::symmetric(10, 4)).stroke((1.0, LINE));
     let choice = egui::Panel::top("bar").frame(bar).show(ui, |ui| top_bar(ui, document, recent)).inner;
     let choice = changed_on_disk(ui, document, bar).or(choice);
+    let choice = tabs(ui, document, bar).map(Choice::Act).or(choice);
     egui::Panel::bottom("status").frame(bar).show(ui, |ui| status(ui, document));
     let side = frame(PANEL, Margin::symmetric(10, 0));
     let (wide, high) = (room.x >= WIDE, room.y >= HIGH);
@@ -87,8 +89,8 @@ pub(super) fn show_document(
 
 /// Says that the open file is no longer the one that was opened, with what can be done.
 fn changed_on_disk(ui: &mut Ui, document: &mut Document, bar: egui::Frame) -> Option<Choice> {
-    let change = document.files.changed?;
-    let name = document.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let change = document.front.files.changed?;
+    let name = document.front.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let is_there = change != FileChange::Gone;
     let text = match is_there {
         true => format!("{name} has changed on disk: the picture is that of the older file."),
@@ -105,7 +107,7 @@ fn changed_on_disk(ui: &mut Ui, document: &mut Document, bar: egui::Frame) -> Op
         });
     });
     if dismissed {
-        document.files.changed = None;
+        document.front.files.changed = None;
     }
     choice
 }

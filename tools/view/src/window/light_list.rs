@@ -21,6 +21,8 @@ pub(super) struct LightList {
     pub(super) order: Order,
     /// Names of the groups that show their head alone.
     pub(super) folded: BTreeSet<String>,
+    /// Lights that the view in front does not have: they are not listed.
+    pub(super) absent: BTreeSet<usize>,
     /// Contribution of each light to the image.
     pub(super) contributions: Vec<f32>,
     /// The contributions by which the rows are sorted, and the order that was chosen then.
@@ -48,6 +50,7 @@ impl LightList {
             search: String::new(),
             order: Order::File,
             folded: if is_long { names.collect() } else { BTreeSet::new() },
+            absent: BTreeSet::new(),
             contributions: Vec::new(),
             ranked: (Vec::new(), Order::File),
             scroll_to_selected: false,
@@ -122,7 +125,8 @@ impl LightList {
     /// The rows as they are shown.
     pub(super) fn rows(&self, basis: &LightBasis, mix: &Mix) -> Vec<Row> {
         let (search, order) = (self.search.as_str(), self.order);
-        rows(basis, &mix.groups, Listing { search, order, folded: &self.folded, contributions: &self.ranked.0 })
+        let (folded, contributions, absent) = (&self.folded, &self.ranked.0, &self.absent);
+        rows(basis, &mix.groups, Listing { search, order, folded, contributions, absent })
     }
 
     /// Sorts the rows anew by what lights bring by now; while the list `is_used`, only where another order was chosen.

@@ -9,7 +9,7 @@ use super::number_format::short;
 use super::pattern_panel::pattern_editor;
 use super::selection::{reset_light, share_tint};
 use super::sun_panel::sun_of_several;
-use super::theme::{IDLE, WEAK, section, swatch};
+use super::theme::{ACCENT, IDLE, WEAK, section, swatch};
 use crate::daylight::is_lit_by_daylight;
 use crate::mixer::{LightMix, STOPS_RANGE, Tint};
 use crate::photometry::{Quantity, mean_weight, quantities, stops_to};
@@ -21,7 +21,7 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
         ui.label(RichText::new("Select a light, or click one in the picture.").color(WEAK));
         return;
     };
-    let light = document.session.basis().lights()[index].clone();
+    let light = document.lights.lights()[index].clone();
     ui.add_space(6.0);
     ui.horizontal(|ui| {
         ui.label(RichText::new(&light.name).size(15.0).strong());
@@ -33,6 +33,9 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
         });
     });
     ui.label(RichText::new(describe(&light)).size(11.0).color(WEAK));
+    if document.list.absent.contains(&index) {
+        ui.label(RichText::new("Not in this view").size(11.0).color(ACCENT));
+    }
     absolute(ui, document, index, &light);
     section(ui, "COLOUR");
     if colour(ui, &mut document.work.mix.lights[index], &light) {
@@ -65,7 +68,7 @@ fn absolute(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
         return;
     }
     section(ui, "INTENSITY");
-    let weight = mean_weight(document.session.basis(), &document.work.mix, index);
+    let weight = mean_weight(document.basis(), &document.work.mix, index);
     let mut typed = None;
     ui.horizontal_wrapped(|ui| {
         for (quantity, at_one) in known {
@@ -107,9 +110,9 @@ fn set_absolute(document: &mut Document, index: usize, quantity: Quantity, value
     let mut out_of_range = false;
     let all = document.list.chosen().iter().copied().filter(|&other| other != index).chain([index]);
     for light in all.collect::<Vec<_>>() {
-        let known = quantities(&document.session.basis().lights()[light], metres);
+        let known = quantities(&document.lights.lights()[light], metres);
         let Some((_, at_one)) = known.into_iter().find(|(own, _)| *own == quantity) else { continue };
-        let now = at_one * mean_weight(document.session.basis(), &document.work.mix, light);
+        let now = at_one * mean_weight(document.basis(), &document.work.mix, light);
         let own = &mut document.work.mix.lights[light].stops;
         match stops_to(now, value) {
             Some(stops) => {

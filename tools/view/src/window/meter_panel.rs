@@ -17,11 +17,11 @@ pub(super) fn light_meter(ui: &mut Ui, document: &mut Document) {
         ui.label(RichText::new(format!("Not in cd/m² or lx: {reason}.")).size(12.0).color(WEAK));
         let is_known_by_picture = reason.contains("picture");
         if !is_known_by_picture && ui.button("Take one unit for 1 m").clicked() {
-            document.view.assumes_metres = true;
+            document.front.view.assumes_metres = true;
         }
         return;
     }
-    let meter = &mut document.meter;
+    let meter = &mut document.front.meter;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         for (name, shows, about) in [
@@ -41,7 +41,7 @@ pub(super) fn light_meter(ui: &mut Ui, document: &mut Document) {
         document.files.wanted = Some(Purpose::Report);
     }
     if meter.measured() == Measured::Illuminance && meter.is_used() {
-        origin(ui, &document.surfaces);
+        origin(ui, &document.front.surfaces);
     }
 }
 

@@ -74,8 +74,8 @@ fn head(ui: &mut Ui, document: &mut Document, titled: bool) {
         if titled {
             ui.label(RichText::new("Lights").size(15.0).strong());
         }
-        let count = document.session.basis().lights().len();
-        let shining = (0..count).filter(|&light| document.work.mix.shines(light)).count();
+        let own = document.front.lights.places();
+        let (count, shining) = (own.len(), own.iter().filter(|&&light| document.work.mix.shines(light)).count());
         let chosen = document.list.chosen().len();
         let text = if chosen > 1 { format!("{chosen} selected") } else { format!("{shining} of {count} on") };
         ui.label(RichText::new(text).color(WEAK));
@@ -217,7 +217,7 @@ fn light_row(ui: &mut Ui, document: &mut Document, listed: ListedLight, stronges
     let RowSpace { row, response, mut ui } = begin_row(ui, ("light", light), chosen);
     let ui = &mut ui;
     mark(ui, &document.work.mix.groups, row, document.work.mix.groups.of_light(light));
-    let described = document.session.basis().lights()[light].clone();
+    let described = document.lights.lights()[light].clone();
     let shines = document.work.mix.shines(light);
     let colour = swatch(document.work.mix.lights[light].colour(&described));
     let name = described.name.clone();

@@ -16,7 +16,7 @@ const NO_ONE_IS_SO_QUICK: Duration = Duration::from_millis(400);
 pub(super) struct NativeDialog {
     pub(super) purpose: Purpose,
     asked: Instant,
-    answer: Receiver<Option<PathBuf>>,
+    answer: Receiver<Option<Vec<PathBuf>>>,
 }
 
 /// Result of the dialogue.
@@ -40,7 +40,11 @@ impl NativeDialog {
         let (sender, answer) = channel();
         let context = context.clone();
         std::thread::spawn(move || {
-            let chosen = if purpose.saves() { dialog.save_file() } else { dialog.pick_file() };
+            let chosen = match (purpose.saves(), purpose.takes_several()) {
+                (true, _) => dialog.save_file().map(|path| vec![path]),
+                (false, true) => dialog.pick_files(),
+                (false, false) => dialog.pick_file().map(|path| vec![path]),
+            };
             // A window that has closed meanwhile wants no answer.
             let _ = sender.send(chosen);
             context.request_repaint();
@@ -51,10 +55,13 @@ impl NativeDialog {
     /// The answer, once there is one.
     pub(super) fn outcome(&self) -> Option<Outcome> {
         match self.answer.try_recv() {
-            Ok(Some(path)) if self.purpose.saves() => {
-                Some(Outcome::Answered(Answer::Chosen(with_one_of(&path, self.purpose.endings()))))
+            Ok(Some(paths)) => {
+                let ended = |path: PathBuf| match self.purpose.saves() {
+                    true => with_one_of(&path, self.purpose.endings()),
+                    false => path,
+                };
+                Some(Outcome::Answered(Answer::Chosen(paths.into_iter().map(ended).collect())))
             }
-            Ok(Some(path)) => Some(Outcome::Answered(Answer::Chosen(path))),
             Ok(None) if self.asked.elapsed() < NO_ONE_IS_SO_QUICK => Some(Outcome::Failed),
             Ok(None) => Some(Outcome::Answered(Answer::Cancelled)),
             Err(TryRecvError::Disconnected) => Some(Outcome::Failed),

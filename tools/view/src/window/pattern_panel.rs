@@ -22,7 +22,7 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     if head(ui, &mut document.work.mix.lights[index], light) {
         document.files.wanted = Some(Purpose::LightImage(index));
     }
-    let has_camera = shows_directions(&document.session);
+    let has_camera = shows_directions(&document.front.session);
     let (editor, own) = (&mut document.editor, &mut document.work.mix.lights[index]);
     tools(ui, editor, own, index, light, has_camera);
     let (across, down) = light.layout();

@@ -38,14 +38,14 @@ struct Place {
 
 impl Place {
     fn of(view: Rect, document: &Document) -> Self {
-        let [left, top] = document.view.viewport.to_view([0.0, 0.0]);
-        let extent = document.size().map(|v| v as f32 * document.view.viewport.zoom);
+        let [left, top] = document.front.view.viewport.to_view([0.0, 0.0]);
+        let extent = document.size().map(|v| v as f32 * document.front.view.viewport.zoom);
         let picture = Rect::from_min_size(view.center() + vec2(left, top), vec2(extent[0], extent[1]));
         Self { view, picture }
     }
 
     fn wipe_x(&self, document: &Document) -> f32 {
-        self.picture.left() + document.compare.snapshots.wipe * self.picture.width()
+        self.picture.left() + document.front.compare.snapshots.wipe * self.picture.width()
     }
 
     /// Offset from the centre of the view, in points.
@@ -54,15 +54,15 @@ impl Place {
     }
 
     fn to_screen(&self, document: &Document, position: [f32; 2]) -> Pos2 {
-        let [x, y] = document.view.viewport.to_view(position);
+        let [x, y] = document.front.view.viewport.to_view(position);
         self.view.center() + vec2(x, y)
     }
 
     /// The object at a position.
     fn held_at(&self, document: &Document, at: Pos2) -> Held {
         let near = |corner: &[f32; 2]| self.to_screen(document, *corner).distance(at) < GRIP;
-        let wipes = document.compare.id().is_some() && document.view.beside == Beside::Wipe;
-        match document.meter.area.corners.iter().position(near) {
+        let wipes = document.front.compare.id().is_some() && document.front.view.beside == Beside::Wipe;
+        match document.front.meter.area.corners.iter().position(near) {
             Some(corner) => Held::Corner(corner),
             None if wipes && (at.x - self.wipe_x(document)).abs() < GRIP => Held::Wipe,
             None => self.sun_at(document, at).map_or(Held::Picture, Held::Sun),
@@ -77,7 +77,7 @@ impl Place {
     }
 
     fn to_picture(&self, document: &Document, at: Pos2) -> [f32; 2] {
-        document.view.viewport.to_picture(self.offset_of(at))
+        document.front.view.viewport.to_picture(self.offset_of(at))
     }
 }
 
@@ -85,11 +85,11 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     let rect = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let size = document.size();
-    document.view.viewport.follow([rect.width() - 24.0, rect.height() - 24.0], size);
-    if document.view.moves_camera {
-        document.view.moves.extend(camera_moves(ui, &response));
+    document.front.view.viewport.follow([rect.width() - 24.0, rect.height() - 24.0], size);
+    if document.front.view.moves_camera {
+        document.front.view.moves.extend(camera_moves(ui, &response));
     }
-    if !(document.view.moves_camera && is_camera_drag(&response)) {
+    if !(document.front.view.moves_camera && is_camera_drag(&response)) {
         drag(ui, document, &response);
     }
     let place = Place::of(rect, document);
@@ -97,30 +97,31 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     if let Some(pointer) = hover {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let factor = (scroll * 0.004).exp() * pinch;
-        let is_camera = document.view.moves_camera && ui.input(|input| input.modifiers.command || input.modifiers.alt);
+        let is_camera =
+            document.front.view.moves_camera && ui.input(|input| input.modifiers.command || input.modifiers.alt);
         if factor != 1.0 && !is_camera {
-            document.view.viewport.zoom_about(place.offset_of(pointer), factor);
+            document.front.view.viewport.zoom_about(place.offset_of(pointer), factor);
         }
         match place.held_at(document, pointer) {
             Held::Wipe => ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal),
             Held::Corner(_) | Held::Sun(_) => ui.ctx().set_cursor_icon(egui::CursorIcon::Grab),
-            Held::Picture if document.meter.draws => ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair),
+            Held::Picture if document.front.meter.draws => ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair),
             Held::Picture | Held::Band(_) => {}
         }
     }
-    let at = |pointer: Pos2| document.view.viewport.pixel_at(place.offset_of(pointer), size);
-    document.view.hovered = hover.and_then(at);
-    if document.meter.draws {
+    let at = |pointer: Pos2| document.front.view.viewport.pixel_at(place.offset_of(pointer), size);
+    document.front.view.hovered = hover.and_then(at);
+    if document.front.meter.draws {
         draw_corner(ui, document, &response, &place);
     } else if response.double_clicked() {
-        document.view.viewport.fit();
+        document.front.view.viewport.fit();
     } else if let (true, Some(sky), Some(pointer)) =
         (response.clicked(), sky_for_suns(document), response.interact_pointer_pos())
     {
         move_sun_to(document, sky, place.to_picture(document, pointer));
-    } else if let (true, Some(pixel)) = (response.clicked(), document.view.hovered) {
-        document.view.select_strongest = true;
-        document.session.worker.ask_pixel(pixel);
+    } else if let (true, Some(pixel)) = (response.clicked(), document.front.view.hovered) {
+        document.front.view.select_strongest = true;
+        document.front.session.worker.ask_pixel(pixel);
     }
     let place = Place::of(rect, document);
     draw(ui, document, &place);
@@ -135,15 +136,16 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
 /// The sky that a click in the picture puts the sun into: the selected one, while the sun is its tool.
 fn sky_for_suns(document: &Document) -> Option<usize> {
     let light = document.list.selected().filter(|&light| document.basis().lights()[light].kind.is_environment());
-    light.filter(|_| document.editor.puts_suns() && shows_directions(&document.session))
+    light.filter(|_| document.editor.puts_suns() && shows_directions(&document.front.session))
 }
 
 fn suns_of(document: &Document) -> Vec<SeenSun> {
-    seen_suns(&document.session, &document.work.mix, document.editor.sun.as_ref())
+    seen_suns(&document.front, &document.work.mix, document.editor.sun.as_ref())
 }
 
 fn move_sun_to(document: &mut Document, light: usize, position: [f32; 2]) {
-    move_sun(&document.session, &mut document.work.mix, &mut document.editor, light, position);
+    let all = document.lights.basis();
+    move_sun(&document.front, all, &mut document.work.mix, &mut document.editor, (light, position));
 }
 
 fn held_id() -> egui::Id {
@@ -175,7 +177,7 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
     let held = ui.data(|data| data.get_temp(id).unwrap_or(Held::Picture));
     if let (Held::Band(from), Some(to), true) = (held, response.interact_pointer_pos(), response.drag_stopped()) {
         let corners = [from, to].map(|at| place.to_picture(document, at));
-        let text = select_in_picture(&document.session, &mut document.list, corners, modifiers.command);
+        let text = select_in_picture(&document.front, &mut document.list, corners, modifiers.command);
         document.message = Some(Message::info(text));
     }
     if !response.dragged() {
@@ -184,11 +186,11 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
     match (held, response.interact_pointer_pos()) {
         (Held::Wipe, Some(pointer)) => {
             let part = (pointer.x - place.picture.left()) / place.picture.width();
-            document.compare.snapshots.wipe = part.clamp(0.0, 1.0);
+            document.front.compare.snapshots.wipe = part.clamp(0.0, 1.0);
         }
         (Held::Corner(corner), Some(pointer)) => {
-            let position = document.view.viewport.to_picture(place.offset_of(pointer));
-            if let Some(corner) = document.meter.area.corners.get_mut(corner) {
+            let position = document.front.view.viewport.to_picture(place.offset_of(pointer));
+            if let Some(corner) = document.front.meter.area.corners.get_mut(corner) {
                 *corner = position;
             }
         }
@@ -196,7 +198,7 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
         (Held::Band(_), _) => {}
         _ => {
             let delta = response.drag_delta();
-            document.view.viewport.pan([delta.x, delta.y], document.size());
+            document.front.view.viewport.pan([delta.x, delta.y], document.size());
         }
     }
 }
@@ -205,20 +207,20 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
 fn draw_corner(ui: &Ui, document: &mut Document, response: &egui::Response, place: &Place) {
     let (enter, escape) = ui.input(|input| (input.key_pressed(egui::Key::Enter), input.key_pressed(egui::Key::Escape)));
     if escape {
-        (document.meter.area.corners, document.meter.draws) = (Vec::new(), false);
+        (document.front.meter.area.corners, document.front.meter.draws) = (Vec::new(), false);
     } else if enter || response.double_clicked() {
-        document.meter.draws = false;
+        document.front.meter.draws = false;
     } else if let (true, Some(pointer)) = (response.clicked(), response.interact_pointer_pos()) {
-        let position = document.view.viewport.to_picture(place.offset_of(pointer));
-        document.meter.area.corners.push(position);
+        let position = document.front.view.viewport.to_picture(place.offset_of(pointer));
+        document.front.meter.area.corners.push(position);
     }
 }
 
 fn draw(ui: &Ui, document: &Document, place: &Place) {
     let (rect, picture) = (place.view, place.picture);
     let painter = ui.painter().with_clip_rect(rect);
-    let Some(texture) = document.shown.id() else {
-        let read = document.shown.progress.base;
+    let Some(texture) = document.front.shown.id() else {
+        let read = document.front.shown.progress.base;
         let text = format!("Reading {:.0} %", read * 100.0);
         painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(14.0), WEAK);
         let bar = Rect::from_center_size(rect.center() + vec2(0.0, 22.0), vec2(220.0, 3.0));
@@ -228,23 +230,23 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
         return;
     };
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    let texture = document.features.id().or(document.meter.id()).unwrap_or(texture);
-    if let Some(outline) = document.view.outline {
+    let texture = document.front.features.id().or(document.front.meter.id()).unwrap_or(texture);
+    if let Some(outline) = document.front.view.outline {
         painter.image(outline, picture, whole, Color32::WHITE);
         return tag(&painter, Align2::CENTER_CENTER, pos2(rect.center().x, rect.top() + 18.0), "outline");
     }
     painter.image(texture, picture, whole, Color32::WHITE);
     draw_compared(ui, &painter, document, place);
-    if document.features.id().is_none() {
-        draw_labels(&painter, &document.meter, |position| place.to_screen(document, position));
+    if document.front.features.id().is_none() {
+        draw_labels(&painter, &document.front.meter, |position| place.to_screen(document, position));
     }
-    draw_area(&painter, &document.meter, |position| place.to_screen(document, position));
-    if let Some(asked) = &document.view.asked {
+    draw_area(&painter, &document.front.meter, |position| place.to_screen(document, position));
+    if let Some(asked) = &document.front.view.asked {
         let at = place.to_screen(document, [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5]);
         painter.circle_stroke(at, 6.0, (2.5, Color32::from_black_alpha(140)));
         painter.circle_stroke(at, 6.0, (1.2, ACCENT));
     }
-    let progress = document.shown.progress;
+    let progress = document.front.shown.progress;
     if !progress.is_complete() {
         let text = match progress.base < 1.0 {
             true => format!("base layers {:.0} %", progress.base * 100.0),
@@ -257,17 +259,19 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
 /// What the picture is compared with: beside the wipe, whole, or the difference.
 fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &Place) {
     let (rect, picture) = (place.view, place.picture);
-    let (Some(other), Some(index)) = (document.compare.id(), document.compare.snapshots.compared()) else { return };
-    let name = &document.compare.snapshots.list()[index].name;
+    let (Some(other), Some(index)) = (document.front.compare.id(), document.front.compare.snapshots.compared()) else {
+        return;
+    };
+    let name = &document.front.compare.snapshots.list()[index].name;
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     // With Alt held the other is seen whole, as references are in tev.
     let alt = ui.input(|input| input.modifiers.alt);
-    let beside = if alt { Beside::Other } else { document.view.beside };
+    let beside = if alt { Beside::Other } else { document.front.view.beside };
     let top = picture.top().max(rect.top()) + 16.0;
     let left = picture.left().max(rect.left()) + 14.0;
-    match (beside, document.compare.difference_id()) {
+    match (beside, document.front.compare.difference_id()) {
         (Beside::Wipe, _) => {
-            let (wipe, wipe_x) = (document.compare.snapshots.wipe, place.wipe_x(document));
+            let (wipe, wipe_x) = (document.front.compare.snapshots.wipe, place.wipe_x(document));
             let part = Rect::from_min_max(pos2(wipe_x, picture.top()), picture.max);
             painter.image(other, part, Rect::from_min_max(pos2(wipe, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
             painter.vline(wipe_x, picture.y_range(), (1.5, Color32::from_gray(235)));
@@ -286,7 +290,7 @@ fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &
         }
         (Beside::Difference, None) => tag(painter, Align2::LEFT_CENTER, pos2(left, top), "Measuring the difference"),
     }
-    if let Some(difference) = document.compare.difference() {
+    if let Some(difference) = document.front.compare.difference() {
         let bottom = picture.bottom().min(rect.bottom()) - 16.0;
         tag(painter, Align2::CENTER_CENTER, pos2(rect.center().x, bottom), &difference_in_words(difference));
     }

@@ -12,7 +12,7 @@ use crate::unsaved::LeftBehind;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Next {
     Close,
-    Open(PathBuf),
+    Open(Vec<PathBuf>),
     LoadLook(PathBuf),
 }
 

@@ -188,10 +188,10 @@ impl Rendering {
                     match Document::open(context, &estimate.path, opening) {
                         Ok(mut next) => {
                             // Files are named after the finished container, whichever estimate is shown.
-                            next.files.name_after(&output_of(&self.scene, &self.choices));
+                            next.front.files.name_after(&output_of(&self.scene, &self.choices));
                             self.failed = None;
                             self.replaces_own &= !(estimate.is_final && self.own == Some(camera));
-                            next.shown.is_smooth = !estimate.is_final;
+                            next.front.shown.is_smooth = !estimate.is_final;
                             self.next = Some((Box::new(next), ShownEstimate::of(camera, &estimate)));
                         }
                         Err(error) => self.failed = Some(line(&error)),
@@ -210,9 +210,9 @@ impl Rendering {
                 document.message = Some(Message::info(warning));
             }
             // Whoever renders it knows that it changes.
-            document.files.changed = None;
-            document.view.moves_camera = self.view.is_some() && self.job.is_some();
-            document.view.outline = self.outline_id();
+            document.front.files.changed = None;
+            document.front.view.moves_camera = self.view.is_some() && self.job.is_some();
+            document.front.view.outline = self.outline_id();
         }
     }
 
@@ -227,7 +227,7 @@ impl Rendering {
         worker_events::receive(&mut next, context);
         let is_ready = match document {
             Some(shown) => next.follow(shown) && !shown.files.any_open() && !context.input(|i| i.pointer.any_down()),
-            None => next.is_ready(),
+            None => next.front.is_ready(),
         };
         if !is_ready {
             worker_requests::ask(&mut next, context, false);

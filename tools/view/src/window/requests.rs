@@ -41,6 +41,12 @@ impl Requests {
         Self { lighting, lit: None, reach: None, display: None, generation: 0, relit: 0, pending: BTreeMap::new() }
     }
 
+    /// Forgets what was asked for: nothing of it will come, and all is to be asked for again.
+    pub(super) fn begin_anew(&mut self) {
+        (self.lit, self.display) = (None, None);
+        self.pending.clear();
+    }
+
     /// Counts a request, made in this frame; `relit` where it has another lighting.
     pub(super) fn count(&mut self, frame: u64, relit: bool) {
         self.generation += 1;

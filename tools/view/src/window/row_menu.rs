@@ -41,7 +41,7 @@ pub(super) fn light_menu(ui: &mut Ui, document: &mut Document, light: usize) {
         document.list.copied = Some(document.work.mix.lights[light].clone());
     }
     if item(ui, "Paste settings", document.list.copied.is_some()) {
-        selection::paste(&document.list, document.session.basis(), &mut document.work.mix);
+        selection::paste(&document.list, document.lights.basis(), &mut document.work.mix);
     }
     if item(ui, "Reset", true) {
         selection::reset(&document.list, &mut document.work);
@@ -77,7 +77,7 @@ pub(super) fn group_menu(ui: &mut Ui, document: &mut Document, group: usize) {
     }
     if item(ui, "Paste settings to its lights", document.list.copied.is_some()) {
         document.list.select_all(document.work.mix.groups.lights(group));
-        selection::paste(&document.list, document.session.basis(), &mut document.work.mix);
+        selection::paste(&document.list, document.lights.basis(), &mut document.work.mix);
     }
     ui.separator();
     if item(ui, "Rename", true) {

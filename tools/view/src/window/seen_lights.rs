@@ -3,13 +3,14 @@
 use eframe::egui::{self, Color32, Pos2, Rect, Stroke};
 
 use super::light_list::LightList;
+use super::open_view::OpenView;
 use super::pattern_editor::PatternEditorState;
 use super::theme::ACCENT;
 use crate::mixer::Mix;
 use crate::seen::{lights_within, position};
 use crate::sun::{PlacedSun, choose_sun, suns};
 use crate::worker::Session;
-use ltm::light::LightKind;
+use ltm::light::{LightBasis, LightKind};
 use ltm::scene::Camera;
 
 /// How near, in points, the pointer must be to take hold of a sun.
@@ -36,18 +37,18 @@ pub(super) fn shows_directions(session: &Session) -> bool {
 }
 
 /// The suns that the camera has before it: that which was `placed` into a sky, and those of the scene.
-pub(super) fn seen_suns(session: &Session, mix: &Mix, placed: Option<&PlacedSun>) -> Vec<SeenSun> {
-    let Some(camera) = camera(session) else { return Vec::new() };
-    let basis = session.basis();
+pub(super) fn seen_suns(view: &OpenView, mix: &Mix, placed: Option<&PlacedSun>) -> Vec<SeenSun> {
+    let Some(camera) = camera(&view.session) else { return Vec::new() };
+    let (basis, places) = (view.session.basis(), view.lights.places());
     let placed = placed.and_then(|sun| {
         let (index, own) = (sun.light(), mix.lights.get(sun.light())?);
         // A sky that is turned takes its sun along; the next sun is put into the sky as it lies then.
         let texel = sun.texel(index, own).filter(|_| own.turn_radians == 0.0)?;
-        let direction = basis.lights()[index].places[texel];
+        let direction = basis.lights()[view.lights.own(index)?].places[texel];
         Some((index, camera.position(direction.into())?.to_array()))
     });
     let own = suns(basis).into_iter();
-    let own = own.filter_map(|index| Some((index, position(&camera, &basis.lights()[index])?)));
+    let own = own.filter_map(|index| Some((places[index], position(&camera, &basis.lights()[index])?)));
     placed
         .into_iter()
         .chain(own)
@@ -56,20 +57,19 @@ pub(super) fn seen_suns(session: &Session, mix: &Mix, placed: Option<&PlacedSun>
 }
 
 /// Moves the sun of a sky to where a position of the picture points, or leaves on that of several suns which stands
-/// nearest to it.
+/// nearest to it; `all`: the lights of all views.
 pub(super) fn move_sun(
-    session: &Session,
+    view: &OpenView,
+    all: &LightBasis,
     mix: &mut Mix,
     editor: &mut PatternEditorState,
-    light: usize,
-    position: [f32; 2],
+    (light, position): (usize, [f32; 2]),
 ) {
-    let Some(camera) = camera(session) else { return };
+    let Some(camera) = camera(&view.session) else { return };
     let direction = camera.direction(position.into()).to_array();
-    let basis = session.basis();
-    let own = &basis.lights()[light];
+    let own = &all.lights()[light];
     if own.kind == LightKind::Sun {
-        choose_sun(basis, mix, direction);
+        choose_sun(all, mix, direction);
     } else {
         editor.put_sun(&mut mix.lights[light], light, own, own.nearest_texel(direction));
     }
@@ -77,11 +77,12 @@ pub(super) fn move_sun(
 
 /// Selects the lights whose middle lies in a rectangle of the picture, beside those that are selected if it `adds`; what
 /// to say about it.
-pub(super) fn select_in_picture(session: &Session, list: &mut LightList, corners: [[f32; 2]; 2], adds: bool) -> String {
-    let Some(camera) = camera(session) else {
+pub(super) fn select_in_picture(view: &OpenView, list: &mut LightList, corners: [[f32; 2]; 2], adds: bool) -> String {
+    let Some(camera) = camera(&view.session) else {
         return "This container does not say how its camera stood; those rendered from now on do".to_owned();
     };
-    let found = lights_within(&camera, session.basis(), corners);
+    let found = lights_within(&camera, view.session.basis(), corners).into_iter();
+    let found: Vec<usize> = found.map(|light| view.lights.places()[light]).collect();
     let count = found.len();
     if count > 0 {
         let before: Vec<usize> = list.chosen().iter().copied().filter(|_| adds).collect();

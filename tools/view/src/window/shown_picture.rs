@@ -53,6 +53,8 @@ pub(super) struct ShownPicture {
     pub(super) valued: u64,
     /// Whether larger pixels run into each other: of an early picture they mean nothing by themselves.
     pub(super) is_smooth: bool,
+    /// What its texture is called.
+    name: String,
     texture: Option<TextureHandle>,
     /// The device's own texture, instead of the other, where the device shows the pictures.
     screen: Option<ScreenTexture>,
@@ -62,8 +64,8 @@ pub(super) struct ShownPicture {
 }
 
 impl ShownPicture {
-    /// None yet. Pictures are shown on the device of `state`, if that is the one that relights.
-    pub(super) fn new(state: Option<RenderState>) -> Self {
+    /// None yet; its texture will be called so. Pictures are shown on the device of `state`, if that is the one that relights.
+    pub(super) fn new(name: String, state: Option<RenderState>) -> Self {
         Self {
             image: None,
             histogram: Vec::new(),
@@ -76,6 +78,7 @@ impl ShownPicture {
             seen: 0,
             valued: 0,
             is_smooth: false,
+            name,
             texture: None,
             screen: None,
             state,
@@ -91,7 +94,7 @@ impl ShownPicture {
         match (picture.seen, &self.state) {
             (Seen::Bytes(shown, image), _) => {
                 let filter = if self.is_smooth { egui::TextureFilter::Linear } else { egui::TextureFilter::Nearest };
-                set_filtered_texture(context, &mut self.texture, "picture", &shown, filter);
+                set_filtered_texture(context, &mut self.texture, &self.name, &shown, filter);
                 self.screen = None;
                 return Some(PictureValues { generation: picture.generation, image, histogram: shown.histogram });
             }

@@ -14,17 +14,17 @@ use crate::display::Display;
 pub(super) fn snapshots(ui: &mut Ui, document: &mut Document) {
     section(ui, "SNAPSHOTS");
     let mut removed = None;
-    for index in 0..document.compare.snapshots.list().len() {
+    for index in 0..document.front.compare.snapshots.list().len() {
         ui.horizontal(|ui| {
-            let compares = small_picture(ui, &mut document.compare, document.view.display, index);
+            let compares = small_picture(ui, &mut document.front.compare, document.display, index);
             ui.vertical(|ui| removed = buttons(ui, document, index, compares).or(removed));
         });
     }
     if let Some(index) = removed {
-        document.compare.remove(index);
+        document.front.compare.remove(index);
     }
-    if document.compare.snapshots.compared().is_some() {
-        beside(ui, &document.compare, &mut document.view.beside);
+    if document.front.compare.snapshots.compared().is_some() {
+        beside(ui, &document.front.compare, &mut document.front.view.beside);
     }
     ui.horizontal(|ui| {
         if ui.button("Take snapshot").on_hover_text("Keep this lighting and its picture (K)").clicked() {
@@ -34,7 +34,7 @@ pub(super) fn snapshots(ui: &mut Ui, document: &mut Document) {
             document.files.wanted = Some(Purpose::Reference);
         }
     });
-    if let Some(purpose) = sequence(ui, &mut document.compare) {
+    if let Some(purpose) = sequence(ui, &mut document.front.compare) {
         document.files.wanted = Some(purpose);
     }
 }
@@ -105,13 +105,13 @@ fn small_picture(ui: &mut Ui, compare: &mut Comparison, display: Display, index:
 /// Name and buttons of a snapshot; its index where it is to be taken away. `compares`: its picture was clicked.
 fn buttons(ui: &mut Ui, document: &mut Document, index: usize, compares: bool) -> Option<usize> {
     name(ui, document, index);
-    let snapshot = &document.compare.snapshots.list()[index];
+    let snapshot = &document.front.compare.snapshots.list()[index];
     let (mix, is_displayed) = (snapshot.mix.clone(), snapshot.is_displayed);
-    let compared = document.compare.snapshots.compared() == Some(index);
+    let compared = document.front.compare.snapshots.compared() == Some(index);
     let mut removed = None;
     ui.horizontal(|ui| {
         if ui.selectable_label(compared, "Compare").clicked() || compares {
-            document.compare.snapshots.toggle_compare(index);
+            document.front.compare.snapshots.toggle_compare(index);
         }
         match mix {
             Some(mix) => {
@@ -133,15 +133,15 @@ fn buttons(ui: &mut Ui, document: &mut Document, index: usize, compares: bool) -
 
 /// The name, which a double click changes.
 fn name(ui: &mut Ui, document: &mut Document, index: usize) {
-    let renamed = document.compare.renamed.as_mut().filter(|renaming| renaming.index == index);
+    let renamed = document.front.compare.renamed.as_mut().filter(|renaming| renaming.index == index);
     if let Some(Renaming { text, .. }) = renamed {
         let field = ui.add(TextEdit::singleline(text).desired_width(150.0).id(egui::Id::unique("rename snapshot")));
         if field.lost_focus() {
             let keeps = !ui.input(|input| input.key_pressed(egui::Key::Escape));
-            let text = document.compare.renamed.take().map(|renaming| renaming.text).unwrap_or_default();
-            let before = document.compare.snapshots.list()[index].name.clone();
-            if keeps && document.compare.snapshots.rename(index, &text) {
-                document.compare.forget_thumbnail(&before);
+            let text = document.front.compare.renamed.take().map(|renaming| renaming.text).unwrap_or_default();
+            let before = document.front.compare.snapshots.list()[index].name.clone();
+            if keeps && document.front.compare.snapshots.rename(index, &text) {
+                document.front.compare.forget_thumbnail(&before);
                 for (_, look) in document.work.keys.iter_mut().filter(|(_, look)| *look == before) {
                     text.trim().clone_into(look);
                 }
@@ -153,9 +153,9 @@ fn name(ui: &mut Ui, document: &mut Document, index: usize) {
         }
         return;
     }
-    let text = document.compare.snapshots.list()[index].name.clone();
+    let text = document.front.compare.snapshots.list()[index].name.clone();
     let label = egui::Label::new(&text).truncate().selectable(false).sense(Sense::click());
     if ui.add(label).on_hover_text("Double-click to rename").double_clicked() {
-        document.compare.renamed = Some(Renaming::of(index, text));
+        document.front.compare.renamed = Some(Renaming::of(index, text));
     }
 }

@@ -40,8 +40,8 @@ fn message(ui: &mut Ui, document: &mut Document) {
         }
     } else {
         let [width, height] = document.size();
-        let columns = document.session.container.job().shape.columns();
-        let rank = document.session.mean_rank();
+        let columns = document.front.session.container.job().shape.columns();
+        let rank = document.front.session.mean_rank();
         ui.add(
             egui::Label::new(weak(format!("{width} × {height}, {columns} columns, mean rank {rank:.1}"))).truncate(),
         );
@@ -51,8 +51,8 @@ fn message(ui: &mut Ui, document: &mut Document) {
 /// Frames a second and what a change costs.
 fn cost(ui: &mut Ui, document: &Document) {
     ui.label(weak("? for keys".into()));
-    ui.label(weak(format!("{:.0} %", document.view.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
-    let latency = document.shown.latency;
+    ui.label(weak(format!("{:.0} %", document.front.view.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
+    let latency = document.front.shown.latency;
     if latency.total_secs > 0.0 {
         let frames = if latency.frames == 1 { "frame" } else { "frames" };
         let text = format!("{:.1} ms, {} {frames}", latency.total_secs * 1e3, latency.frames);
@@ -64,20 +64,20 @@ fn cost(ui: &mut Ui, document: &Document) {
         );
         ui.label(weak(text)).on_hover_text(of);
     }
-    if let Some(rate) = document.shown.per_sec() {
+    if let Some(rate) = document.front.shown.per_sec() {
         ui.label(weak(format!("{rate:.0} fps"))).on_hover_text("Pictures a second while something was dragged");
     }
 }
 
 /// Bytes, and the error that the container states.
 fn worth(ui: &mut Ui, document: &Document) {
-    let (container, meter) = (&document.session.container, document.session.worker.meter());
-    let error = match document.session.stated_error() {
+    let (container, meter) = (&document.front.session.container, document.front.session.worker.meter());
+    let error = match document.front.session.stated_error() {
         Some(error) => weak(format!("stated error {:.2} %", error * 100.0)),
         None => weak("error not stated".into()),
     };
     // What is this far from the samples is not to be read like one that is near.
-    let is_far = document.session.stated_error().is_some_and(|error| error > FAR);
+    let is_far = document.front.session.stated_error().is_some_and(|error| error > FAR);
     ui.label(if is_far { error.color(ACCENT) } else { error })
         .on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
     if let Some(errors) = &container.errors().denoising {
@@ -90,14 +90,14 @@ fn worth(ui: &mut Ui, document: &Document) {
         format!("of a file of {}; layers that lean on others are read with them", human_bytes(container.file_bytes()));
     ui.label(weak(read)).on_hover_text(file);
     let on_cpu = human_bytes(meter.resident_bytes.load(Ordering::Relaxed));
-    let (resident, about) = match &document.shown.adapter {
+    let (resident, about) = match &document.front.shown.adapter {
         Some(adapter) => (
             format!("{} resident on the GPU", human_bytes(meter.device_bytes.load(Ordering::Relaxed))),
             format!("Factors, and pictures made of them, in the memory of {adapter}, which relights"),
         ),
         None => (format!("{on_cpu} resident"), "Factors in memory; the CPU relights".to_owned()),
     };
-    let (resident, about) = match document.shown.is_paged {
+    let (resident, about) = match document.front.shown.is_paged {
         true => (
             format!("{resident}, the rest passes"),
             format!("{about}. There are more than --memory allows: the rest is read for each picture"),

@@ -51,8 +51,8 @@ pub(super) fn sun_settings(
 /// What can be done with a sun of the scene: it stands where it was rendered, but may be one of several.
 pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize) {
     section(ui, "SUN");
-    let count = suns(document.session.basis()).len();
-    let angles = document.editor.moment.angles(document.session.basis().lights()[index].places[0]);
+    let count = suns(document.basis()).len();
+    let angles = document.editor.moment.angles(document.lights.lights()[index].places[0]);
     let text = format!(
         "It stands {:.0}° from north, {:.0}° high, as it was rendered. {}",
         angles.azimuth,
@@ -68,7 +68,7 @@ pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize)
     }
     if let Some(direction) = by_date(ui, &mut document.editor.moment) {
         let mut mix = document.work.mix.clone();
-        if let Some(sun) = choose_sun(document.session.basis(), &mut mix, direction) {
+        if let Some(sun) = choose_sun(document.basis(), &mut mix, direction) {
             document.work.replace(mix);
             document.list.select_and_show(sun, &document.work.mix);
         }

@@ -26,8 +26,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                 *choice = Some(Choice::Act(action));
             }
         };
-        let shown = document.shown.image.is_some();
-        let comparing = document.compare.snapshots.compared().is_some();
+        let shown = document.front.shown.image.is_some();
+        let comparing = document.front.compare.snapshots.compared().is_some();
         ui.menu_button("File", |ui| {
             ui.set_min_width(250.0);
             item(ui, &mut choice, Action::Open, "Open…", true);
@@ -36,6 +36,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                     choice = Some(Choice::Open(path));
                 }
             });
+            item(ui, &mut choice, Action::AddView, "Add view…", true);
+            item(ui, &mut choice, Action::CloseTab, "Close the tab", !document.behind.is_empty());
             item(ui, &mut choice, Action::Reload, "Reload, keeping your mix", true);
             ui.separator();
             item(ui, &mut choice, Action::Png, "Picture as PNG…", shown);
@@ -73,6 +75,9 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
         });
         ui.menu_button("View", |ui| {
             ui.set_min_width(250.0);
+            item(ui, &mut choice, Action::NextTab, "Next tab", !document.behind.is_empty());
+            item(ui, &mut choice, Action::LastTab, "Previous tab", !document.behind.is_empty());
+            ui.separator();
             item(ui, &mut choice, Action::Fit, "Fit", true);
             item(ui, &mut choice, Action::ActualSize, "Actual size", true);
             item(ui, &mut choice, Action::Normalise, "Automatic exposure", shown);
@@ -90,8 +95,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             item(ui, &mut choice, Action::Help, "Keys", true);
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let provenance = &document.session.container.job().provenance;
-            let name = document.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let provenance = &document.front.session.container.job().provenance;
+            let name = document.front.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let label = ui.label(RichText::new(name).color(WEAK));
             let look = document.work.look().and_then(|path| path.file_name()).map(|name| name.to_string_lossy());
             match (document.is_modified(), look) {
@@ -104,7 +109,11 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                 0 => String::new(),
                 samples => format!("\n{samples} samples per pixel"),
             };
-            label.on_hover_text(format!("{}\nof {}{samples}", document.session.path.display(), provenance.source));
+            label.on_hover_text(format!(
+                "{}\nof {}{samples}",
+                document.front.session.path.display(),
+                provenance.source
+            ));
         });
     });
     choice

@@ -25,7 +25,7 @@ pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
     egui::ScrollArea::vertical().id_salt("view panel").auto_shrink([false, false]).show(ui, |ui| {
         display(ui, document);
         section(ui, "HISTOGRAM");
-        histogram(ui, &document.shown.histogram);
+        histogram(ui, &document.front.shown.histogram);
         section(ui, "PROBE");
         let size = vec2(ui.available_width(), PROBE);
         ui.allocate_ui_with_layout(size, egui::Layout::top_down(egui::Align::Min), |ui| {
@@ -71,10 +71,10 @@ fn display(ui: &mut Ui, document: &mut Document) {
         ui.label(RichText::new("View").size(15.0).strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if ui.button("1:1").on_hover_text("One pixel per pixel of the screen (Ctrl+0)").clicked() {
-                document.view.viewport.one_to_one(ui.ctx().pixels_per_point());
+                document.front.view.viewport.one_to_one(ui.ctx().pixels_per_point());
             }
             if ui.button("Fit").on_hover_text("The whole picture (F)").clicked() {
-                document.view.viewport.fit();
+                document.front.view.viewport.fit();
             }
         });
     });
@@ -82,14 +82,14 @@ fn display(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
         name(ui, "Exposure");
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
-        let slider = egui::Slider::new(&mut document.view.display.tone.exposure_stops, -12.0..=12.0);
+        let slider = egui::Slider::new(&mut document.display.tone.exposure_stops, -12.0..=12.0);
         ui.add(slider.clamping(egui::SliderClamping::Never).suffix(" EV").fixed_decimals(1))
             .on_hover_text("E / Shift+E");
         if ui.button("Auto").on_hover_text("Expose so that most of the picture is readable (N)").clicked() {
             document.expose();
         }
     });
-    let tone = &mut document.view.display.tone;
+    let tone = &mut document.display.tone;
     ui.horizontal(|ui| {
         name(ui, "White");
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
@@ -106,7 +106,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().button_padding.x = 6.0;
-        let display = &mut document.view.display;
+        let display = &mut document.display;
         for (curve, name) in CURVES {
             let is_shown = !display.false_colour && display.tone.curve == curve;
             if ui.selectable_label(is_shown, name).on_hover_text("Tone curve (Shift+Right)").clicked() {
@@ -118,7 +118,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
             display.false_colour = true;
         }
     });
-    if document.view.display.false_colour {
+    if document.display.false_colour {
         scale(ui, document);
     }
     features(ui, document);
@@ -159,7 +159,7 @@ fn scale(ui: &mut Ui, document: &Document) {
         let text = if stops == 0 { "0 EV".to_owned() } else { format!("{stops:+}") };
         let font = egui::FontId::proportional(10.0);
         ui.painter().text(at, egui::Align2::CENTER_CENTER, text, font.clone(), WEAK);
-        let luminance = (stops as f32 - document.view.display.tone.exposure_stops).exp2() * gain;
+        let luminance = (stops as f32 - document.display.tone.exposure_stops).exp2() * gain;
         let text = short(luminance) + if stops == 0 && lumens_per_watt.is_some() { " cd/m²" } else { "" };
         ui.painter().text(at + vec2(0.0, 13.0), egui::Align2::CENTER_CENTER, text, font, WEAK);
     }
@@ -203,8 +203,8 @@ fn histogram(ui: &mut Ui, histogram: &[[f32; 3]]) {
 
 /// What stands at the pixel under the pointer, or at the one that was asked about.
 fn probe(ui: &mut Ui, document: &Document) {
-    let pixel = document.view.hovered.or(document.view.asked.as_ref().map(|asked| asked.pixel));
-    let value = pixel.and_then(|pixel| document.shown.pixel(pixel));
+    let pixel = document.front.view.hovered.or(document.front.view.asked.as_ref().map(|asked| asked.pixel));
+    let value = pixel.and_then(|pixel| document.front.shown.pixel(pixel));
     let (Some([x, y]), Some([r, g, b])) = (pixel, value) else {
         let text = "Point at the picture to read it;\nclick to see which light matters there.\n";
         ui.label(RichText::new(text).size(12.0).color(WEAK));
@@ -236,8 +236,12 @@ fn probe(ui: &mut Ui, document: &Document) {
         Ok(gain) => {
             let candela = bright * gain;
             ui.label(plain(format!("{} cd/m²", short(candela))));
-            let measured = document.meter.value([x, y]).filter(|_| document.meter.shows == Some(Measured::Illuminance));
-            let (text, about) = match measured.filter(|_| !document.meter.is_least()) {
+            let measured = document
+                .front
+                .meter
+                .value([x, y])
+                .filter(|_| document.front.meter.shows == Some(Measured::Illuminance));
+            let (text, about) = match measured.filter(|_| !document.front.meter.is_least()) {
                 Some(value) => (format!("{} lx", short(value)), "Illuminance, by the surface's own albedo"),
                 // A matt surface sends on at most what it gets: E ≥ π L.
                 None => (
@@ -257,7 +261,7 @@ fn probe(ui: &mut Ui, document: &Document) {
 
 /// What each light brings to the pixel that was asked about, the strongest first.
 fn lights_here(ui: &mut Ui, document: &mut Document) {
-    let Some(asked) = &document.view.asked else { return };
+    let Some(asked) = &document.front.view.asked else { return };
     let total: f32 = asked.lights.iter().map(|v| v.max(0.0)).sum();
     let mut order: Vec<usize> = (0..asked.lights.len()).filter(|&light| asked.lights[light] > 0.0).collect();
     order.sort_by(|&a, &b| asked.lights[b].total_cmp(&asked.lights[a]));
@@ -271,7 +275,7 @@ fn lights_here(ui: &mut Ui, document: &mut Document) {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 18.0), Sense::click());
         let bar = Rect::from_min_size(rect.min, vec2(rect.width() * share, rect.height()));
         ui.painter().rect_filled(bar, 2.0, Color32::from_rgb(70, 56, 36));
-        let name = document.session.basis().lights()[light].name.as_str();
+        let name = document.lights.lights()[light].name.as_str();
         let font = egui::FontId::proportional(12.0);
         let colour = if response.hovered() { Color32::WHITE } else { ui.visuals().text_color() };
         ui.painter().text(rect.left_center() + vec2(5.0, 0.0), egui::Align2::LEFT_CENTER, name, font.clone(), colour);

@@ -1,11 +1,9 @@
-//! How the picture is shown, and what was asked of it.
+//! What of the picture is seen, and what was asked of it.
 
 use eframe::egui::TextureId;
 
 use crate::camera_moves::CameraMove;
-use crate::display::Display;
 use crate::viewport::Viewport;
-use ltm::image::{LinearImage, exposure_for};
 
 /// A pixel that was asked about, with what each light brings there.
 pub(super) struct Asked {
@@ -25,8 +23,8 @@ pub(super) enum Beside {
     Difference,
 }
 
+#[derive(Default)]
 pub(super) struct ViewState {
-    pub(super) display: Display,
     pub(super) viewport: Viewport,
     /// The pixel under the pointer.
     pub(super) hovered: Option<[u32; 2]>,
@@ -42,46 +40,11 @@ pub(super) struct ViewState {
     pub(super) moves: Vec<CameraMove>,
     /// What is shown instead of the picture while that is of an older view.
     pub(super) outline: Option<TextureId>,
-    /// The exposure that was chosen for the picture, until the whole picture stands.
-    exposed: Option<f32>,
-}
-
-impl Default for ViewState {
-    fn default() -> Self {
-        Self {
-            display: Display::default(),
-            viewport: Viewport::default(),
-            hovered: None,
-            asked: None,
-            select_strongest: false,
-            beside: Beside::Wipe,
-            assumes_metres: false,
-            moves_camera: false,
-            moves: Vec::new(),
-            outline: None,
-            exposed: Some(Display::default().tone.exposure_stops),
-        }
-    }
 }
 
 impl ViewState {
-    /// Exposes for a picture that streams in: base layers alone can be darker than the whole, so until that stands, the
-    /// exposure follows, unless it was set.
-    pub(super) fn follow(&mut self, image: &LinearImage, is_complete: bool) {
-        if self.exposed == Some(self.display.tone.exposure_stops) {
-            self.display.tone.exposure_stops = exposure_for(image);
-            self.exposed = (!is_complete).then_some(self.display.tone.exposure_stops);
-        }
-    }
-
-    /// Shows from now on as it is told.
-    pub(super) fn set_display(&mut self, display: Display) {
-        (self.display, self.exposed) = (display, None);
-    }
-
     /// Follows the same view as it was before. `scale`: how much larger the picture is, where it is of the same shape.
     pub(super) fn go_on(&mut self, old: Self, scale: Option<f32>) {
-        self.set_display(old.display);
         (self.assumes_metres, self.beside) = (old.assumes_metres, old.beside);
         (self.moves_camera, self.moves, self.outline) = (old.moves_camera, old.moves, old.outline);
         if let Some(scale) = scale {

@@ -11,24 +11,38 @@ use super::view_state::Asked;
 use crate::file_watch::FileChange;
 use crate::worker::{Brought, Event, Picture};
 
-/// Takes what the worker has done; before the panels are drawn.
+/// Takes what the workers have done; before the panels are drawn.
 pub(super) fn receive(document: &mut Document, context: &egui::Context) {
-    let events: Vec<Event> = document.session.worker.events().collect();
+    take_events(document, context, false);
+    for index in 0..document.behind.len() {
+        document.with_behind(index, |document| take_events(document, context, true));
+    }
+    if document.front.compare.snapshot_wanted {
+        document.snapshot();
+    }
+}
+
+/// Takes what the worker of the view in front has done, or of one that `is_behind` it and takes its place meanwhile.
+fn take_events(document: &mut Document, context: &egui::Context, is_behind: bool) {
+    let events: Vec<Event> = document.front.session.worker.events().collect();
+    let name = |document: &Document| if is_behind { format!("{}: ", document.front.name) } else { String::new() };
     for event in events {
         match event {
-            Event::Picture(picture) => take_picture(document, context, *picture),
+            Event::Picture(picture) => take_picture(document, context, *picture, is_behind),
             Event::Values { generation, image, histogram } => {
-                take_values(document, PictureValues { generation, image, histogram });
+                take_values(document, PictureValues { generation, image, histogram }, is_behind);
             }
             Event::Loaded { relighter, adapter, is_paged } => {
-                document.shown.is_paged = is_paged;
-                document.shown.relighter = relighter;
-                document.shown.adapter = adapter;
+                document.front.shown.is_paged = is_paged;
+                // What a worker has loaded before it slept is not wanted any more.
+                document.front.shown.relighter = relighter.filter(|_| document.front.session.worker.is_awake());
+                document.front.shown.adapter = adapter;
             }
             Event::Damage(lines) => {
                 let blocks = if lines.len() == 1 { "block" } else { "blocks" };
                 let first = lines.first().map_or("", String::as_str);
-                document.message = Some(Message::problem(format!("{} damaged {blocks}: {first}", lines.len())));
+                document.message =
+                    Some(Message::problem(format!("{}{} damaged {blocks}: {first}", name(document), lines.len())));
             }
             Event::Brought(Ok(Brought::Unsaved(outcome))) => {
                 if let Err(error) = document.autosave.take(outcome) {
@@ -36,16 +50,16 @@ pub(super) fn receive(document: &mut Document, context: &egui::Context) {
                 }
             }
             Event::Brought(Ok(Brought::SnapshotImage { name, revision, image })) => {
-                document.compare.is_relighting = false;
+                document.front.compare.is_relighting = false;
                 // Else it may be the picture of another of that name, and is made again.
-                if revision == document.compare.snapshots.revision() {
-                    document.compare.snapshots.set_image(&name, image);
+                if revision == document.front.compare.snapshots.revision() {
+                    document.front.compare.snapshots.set_image(&name, image);
                 }
             }
             Event::Brought(Ok(Brought::Difference(of, difference))) => {
-                document.compare.take_difference(context, of, difference);
+                document.front.compare.take_difference(context, of, difference);
             }
-            Event::Brought(Ok(Brought::Surfaces(surfaces))) => document.surfaces.take(surfaces),
+            Event::Brought(Ok(Brought::Surfaces(surfaces))) => document.front.surfaces.take(surfaces),
             Event::Brought(brought) => {
                 document.files.end();
                 let outcome = brought.and_then(|brought| take_file(document, brought).map_err(|error| line(&error)));
@@ -55,47 +69,51 @@ pub(super) fn receive(document: &mut Document, context: &egui::Context) {
                 });
             }
             Event::Reach(reach) => {
-                let lighting = &document.requests.lighting;
-                document.list.contributions = reach.contributions(document.session.basis(), lighting);
-                document.requests.reach = Some(reach);
+                document.front.requests.reach = Some(reach);
+                if !is_behind {
+                    document.list.contributions = document.front.contributions(&document.lights);
+                }
             }
-            Event::Pixel { pixel, lights } => take_pixel(document, pixel, lights),
-            Event::File(change) => document.files.changed = Some(change).filter(|&change| change != FileChange::Same),
+            Event::Pixel { pixel, lights } => take_pixel(document, pixel, &lights),
+            Event::File(change) => {
+                document.front.files.changed = Some(change).filter(|&change| change != FileChange::Same)
+            }
             Event::Failed(message) => {
                 // It may have been about the pixel.
-                document.view.select_strongest = false;
-                document.message = Some(Message::problem(message));
+                document.front.view.select_strongest = false;
+                document.message = Some(Message::problem(format!("{}{message}", name(document))));
             }
         }
     }
-    if document.compare.snapshot_wanted {
-        document.snapshot();
-    }
 }
 
-fn take_pixel(document: &mut Document, pixel: [u32; 2], lights: Vec<f32>) {
-    if std::mem::take(&mut document.view.select_strongest) {
+fn take_pixel(document: &mut Document, pixel: [u32; 2], own: &[f32]) {
+    let lights = document.front.lights.spread(own, &document.lights);
+    if std::mem::take(&mut document.front.view.select_strongest) {
         let strongest = (0..lights.len()).max_by(|&a, &b| lights[a].total_cmp(&lights[b]));
         if let Some(light) = strongest.filter(|&light| lights[light] > 0.0) {
             document.list.select_and_show(light, &document.work.mix);
         }
     }
-    document.view.asked = Some(Asked { pixel, lights });
+    document.front.view.asked = Some(Asked { pixel, lights });
 }
 
-fn take_picture(document: &mut Document, context: &egui::Context, mut picture: Picture) {
-    if let Some(latency) = document.requests.answered(&picture, context.cumulative_frame_nr()) {
-        document.shown.latency = latency;
+fn take_picture(document: &mut Document, context: &egui::Context, mut picture: Picture, is_behind: bool) {
+    if let Some(latency) = document.front.requests.answered(&picture, context.cumulative_frame_nr()) {
+        document.front.shown.latency = latency;
     }
     let compared = picture.compared.take();
-    if let Some(values) = document.shown.take(context, picture) {
-        take_values(document, values);
+    if let Some(values) = document.front.shown.take(context, picture) {
+        take_values(document, values, is_behind);
     }
-    document.compare.take(context, compared);
+    document.front.compare.take(context, compared);
 }
 
-fn take_values(document: &mut Document, values: PictureValues) {
+fn take_values(document: &mut Document, values: PictureValues, is_behind: bool) {
     let PictureValues { generation, image, histogram } = values;
-    document.view.follow(&image, document.shown.progress.is_complete());
-    (document.shown.valued, document.shown.image, document.shown.histogram) = (generation, Some(image), histogram);
+    if !is_behind {
+        document.follow_exposure(&image);
+    }
+    let shown = &mut document.front.shown;
+    (shown.valued, shown.image, shown.histogram) = (generation, Some(image), histogram);
 }

@@ -26,45 +26,54 @@ pub(super) fn ask(document: &mut Document, context: &egui::Context, held: bool) 
     compare_pictures(document, held);
     refresh_meter(document, context);
     refresh_features(document, context);
-    let relit = document.requests.lit.as_ref() != Some(&document.work.mix);
-    let compared = document.compare.compared();
+    let before = document.front.requests.relit;
+    ask_picture(document, context);
+    if document.front.requests.relit != before {
+        document.list.contributions = document.front.contributions(&document.lights);
+    }
+    document.ask_behind(context, held);
+}
+
+/// Asks for the picture, if it has changed.
+pub(super) fn ask_picture(document: &mut Document, context: &egui::Context) {
+    let front = &mut document.front;
+    let relit = front.requests.lit.as_ref() != Some(&document.work.mix);
+    let compared = front.compare.compared();
     let image = compared.as_ref().map(|compared| Arc::as_ptr(&compared.image) as usize);
-    let snapshot = document.compare.snapshots.compared();
-    let display = RequestedDisplay { display: document.view.display, snapshot, image };
-    if !relit && document.requests.display == Some(display) {
+    let snapshot = front.compare.snapshots.compared();
+    let display = RequestedDisplay { display: document.display, snapshot, image };
+    if !relit && front.requests.display == Some(display) {
         return;
     }
     if relit {
-        match document.work.mix.lighting(document.session.basis()) {
-            Ok(lighting) => document.requests.lighting = Arc::new(lighting),
+        match front.lighting(&document.work.mix) {
+            Ok(lighting) => front.requests.lighting = Arc::new(lighting),
             Err(error) => document.message = Some(Message::error(&error)),
         }
-        document.requests.lit = Some(document.work.mix.clone());
-        if let Some(reach) = &document.requests.reach {
-            document.list.contributions = reach.contributions(document.session.basis(), &document.requests.lighting);
-        }
+        front.requests.lit = Some(document.work.mix.clone());
     }
-    document.requests.display = Some(display);
-    document.requests.count(context.cumulative_frame_nr(), relit);
-    document.session.worker.request(Request {
-        generation: document.requests.generation,
-        lighting: document.requests.lighting.clone(),
-        display: document.view.display,
-        looked_at: document.view.viewport.centre,
+    front.requests.display = Some(display);
+    front.requests.count(context.cumulative_frame_nr(), relit);
+    front.session.worker.request(Request {
+        generation: front.requests.generation,
+        lighting: front.requests.lighting.clone(),
+        display: document.display,
+        looked_at: front.view.viewport.centre,
         compared,
     });
     // After the lighting under which it is asked.
-    if let (true, Some(asked)) = (relit, &document.view.asked) {
-        document.session.worker.ask_pixel(asked.pixel);
+    if let (true, Some(asked)) = (relit, &front.view.asked) {
+        front.session.worker.ask_pixel(asked.pixel);
     }
 }
 
 /// Writes the work down once it rests.
 fn autosave(document: &mut Document, context: &egui::Context, held: bool) {
-    let revision = document.compare.snapshots.revision();
+    let revision = document.front.compare.snapshots.revision();
     if document.autosave.is_due(context, &document.work, revision, held) {
         let saved = document.saved();
-        if let Err(error) = document.autosave.write(&document.session, saved, revision) {
+        let worker = &document.front.session.worker;
+        if let Err(error) = document.autosave.write(worker, document.lights.basis(), saved, revision) {
             document.message = Some(Message::failed(NOT_KEPT, &error));
         }
     }
@@ -72,44 +81,44 @@ fn autosave(document: &mut Document, context: &egui::Context, held: bool) {
 
 /// Measures what has come, where somebody looks at it.
 fn refresh_meter(document: &mut Document, context: &egui::Context) {
-    let Ok(lumens_per_watt) = document.lumens_per_watt() else { return document.meter.shows = None };
-    let Some(image) = document.shown.image.as_deref().filter(|_| document.meter.is_used()) else { return };
-    if document.meter.measured() == Measured::Illuminance {
-        document.surfaces.ask(&document.session);
+    let Ok(lumens_per_watt) = document.lumens_per_watt() else { return document.front.meter.shows = None };
+    let Some(image) = document.front.shown.image.as_deref().filter(|_| document.front.meter.is_used()) else { return };
+    if document.front.meter.measured() == Measured::Illuminance {
+        document.front.surfaces.ask(&document.front.session);
     }
-    let picture = MeteredPicture { generation: document.shown.valued, image, lumens_per_watt };
-    if let Err(error) = document.meter.refresh(context, &picture, document.surfaces.known()) {
+    let picture = MeteredPicture { generation: document.front.shown.valued, image, lumens_per_watt };
+    if let Err(error) = document.front.meter.refresh(context, &picture, document.front.surfaces.known()) {
         document.message = Some(Message::error(&error));
     }
 }
 
 /// Has the surfaces read, and shows of them what is asked for.
 fn refresh_features(document: &mut Document, context: &egui::Context) {
-    if document.features.missing().is_none() {
+    if document.front.features.missing().is_none() {
         return;
     }
-    document.surfaces.ask(&document.session);
-    if let Some(surfaces) = document.surfaces.known() {
-        document.features.refresh(context, surfaces);
+    document.front.surfaces.ask(&document.front.session);
+    if let Some(surfaces) = document.front.surfaces.known() {
+        document.front.features.refresh(context, surfaces);
     }
 }
 
 /// Measures how far the picture and the compared one are apart, once both stand.
 fn compare_pictures(document: &mut Document, held: bool) {
-    let stands = document.requests.are_answered()
-        && document.shown.valued == document.shown.seen
-        && document.requests.lit.as_ref() == Some(&document.work.mix)
-        && document.shown.progress.is_complete();
-    let (Some(compared), Some(image)) = (document.compare.compared(), document.shown.image.clone()) else {
-        return document.compare.forget_difference();
+    let stands = document.front.requests.are_answered()
+        && document.front.shown.valued == document.front.shown.seen
+        && document.front.requests.lit.as_ref() == Some(&document.work.mix)
+        && document.front.shown.progress.is_complete();
+    let (Some(compared), Some(image)) = (document.front.compare.compared(), document.front.shown.image.clone()) else {
+        return document.front.compare.forget_difference();
     };
-    let display = document.view.display;
-    let (generation, other) = (document.shown.valued, Arc::as_ptr(&compared.image) as usize);
+    let display = document.display;
+    let (generation, other) = (document.front.shown.valued, Arc::as_ptr(&compared.image) as usize);
     let key = DifferenceKey { generation, display, other };
-    if held || !stands || !document.compare.begin_difference(key) {
+    if held || !stands || !document.front.compare.begin_difference(key) {
         return;
     }
-    document.session.worker.beside(move || {
+    document.front.session.worker.beside(move || {
         let other = if compared.is_displayed { Display::default() } else { display };
         let difference = difference::between(&display.show(&image), &other.show(&compared.image));
         Ok(Brought::Difference(generation, difference.map(Arc::new)))
@@ -118,15 +127,15 @@ fn compare_pictures(document: &mut Document, held: bool) {
 
 /// Makes the picture of a snapshot that came without one, once the container is loaded.
 fn relight_snapshot(document: &mut Document) {
-    if document.compare.is_relighting || !document.shown.progress.is_complete() {
+    if document.front.compare.is_relighting || !document.front.shown.progress.is_complete() {
         return;
     }
-    let Some((name, mix)) = document.compare.snapshots.without_image() else { return };
-    let (name, lighting) = (name.to_owned(), mix.lighting(document.session.basis()));
-    let revision = document.compare.snapshots.revision();
-    let (container, relighter) = (document.session.container.clone(), document.shown.relighter.clone());
-    document.compare.is_relighting = true;
-    document.session.worker.beside(move || {
+    let Some((name, mix)) = document.front.compare.snapshots.without_image() else { return };
+    let (name, lighting) = (name.to_owned(), document.front.lighting(mix));
+    let revision = document.front.compare.snapshots.revision();
+    let (container, relighter) = (document.front.session.container.clone(), document.front.shown.relighter.clone());
+    document.front.compare.is_relighting = true;
+    document.front.session.worker.beside(move || {
         let made = lighting.and_then(|lighting| match relighter {
             Some(relighter) => relighter.relight(&lighting),
             None => Ok(relight_streaming(&*container, &lighting)?.0),

@@ -70,10 +70,15 @@ pub(crate) const STAGE: [u32; 2] = [160, 120];
 /// Writes a container of `count` lamps in groups of ten, each of which lights a vertical strip of a grey picture, the
 /// first at the left edge.
 pub(crate) fn write_stage(path: &Path, count: usize) {
-    let mut basis = LightBasis::new();
-    for lamp in 0..count {
-        let light = Light::unplaced(format!("row {}/{}", lamp / 10 + 1, lamp % 10 + 1), LightKind::Lamp);
-        basis.push(light).unwrap();
+    let names: Vec<String> = (0..count).map(|lamp| format!("row {}/{}", lamp / 10 + 1, lamp % 10 + 1)).collect();
+    write_lamps(path, &names.iter().map(String::as_str).collect::<Vec<_>>());
+}
+
+/// Writes a container of these lamps, each of which lights a vertical strip of a grey picture, the first at the left edge.
+pub(crate) fn write_lamps(path: &Path, lamps: &[&str]) {
+    let (mut basis, count) = (LightBasis::new(), lamps.len());
+    for name in lamps {
+        basis.push(Light::unplaced(*name, LightKind::Lamp)).unwrap();
     }
     let shape = MatrixShape::new(STAGE[0], STAGE[1], count as u32, 32).unwrap();
     let job = Job { shape, basis, provenance: Provenance { source: "stage".into(), ..Default::default() } };

@@ -14,6 +14,9 @@ const SIZE: egui::Vec2 = egui::vec2(1280.0, 800.0);
 /// How long a picture may take to come, on a machine that does other things as well.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
+/// What the names of the views' textures begin with.
+const PICTURE: &str = "picture of ";
+
 pub(crate) struct Driver {
     context: egui::Context,
     app: App,
@@ -36,12 +39,25 @@ pub(crate) struct Driver {
     closed: bool,
     /// The newest bytes of each texture, by its name.
     textures: BTreeMap<String, Vec<u8>>,
+    /// Name of the texture that was drawn last as the picture.
+    drawn: Option<String>,
 }
 
 impl Driver {
     /// Opens a container and waits for its picture.
     pub(crate) fn open(path: &Path) -> Self {
         Self::open_with(WindowOptions { path: Some(path.to_owned()), ..Default::default() }, SIZE)
+    }
+
+    /// Opens containers as views of one scene, and waits for their pictures.
+    pub(crate) fn open_tabs(paths: &[&Path]) -> Self {
+        Self::open_tabs_sized(paths, SIZE)
+    }
+
+    /// As [`open_tabs`](Self::open_tabs), in a window of some size, in points.
+    pub(crate) fn open_tabs_sized(paths: &[&Path], size: egui::Vec2) -> Self {
+        let beside = paths[1..].iter().map(|path| (*path).to_owned()).collect();
+        Self::open_with(WindowOptions { path: Some(paths[0].to_owned()), beside, ..Default::default() }, size)
     }
 
     /// Opens a container that the device relights which would draw the window, and waits for its picture. It shows it,
@@ -117,6 +133,7 @@ impl Driver {
             close_requested: false,
             closed: false,
             textures: BTreeMap::new(),
+            drawn: None,
         }
     }
 
@@ -150,6 +167,10 @@ impl Driver {
             if let (Some(name), None) = (name, delta.pos) {
                 self.textures.insert(name, image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect());
             }
+        }
+        for texture in output.shapes.iter().flat_map(|clipped| textures_of(&clipped.shape)) {
+            let name = self.context.tex_manager().read().meta(texture).map(|meta| meta.name.clone());
+            self.drawn = name.filter(|name| name.starts_with(PICTURE)).or(self.drawn.take());
         }
         for command in &output.platform_output.commands {
             if let egui::OutputCommand::CopyText(text) = command {
@@ -187,9 +208,14 @@ impl Driver {
         self.app.pictures()
     }
 
-    /// The picture's bytes, RGBA.
+    /// The bytes of the picture that was drawn last, RGBA.
     pub(crate) fn picture(&self) -> Vec<u8> {
-        self.texture("picture")
+        self.texture(self.drawn.as_deref().expect("no picture was drawn yet"))
+    }
+
+    /// Whether there is a picture of the view of this name, drawn or not.
+    pub(crate) fn has_picture_of(&self, view: &str) -> bool {
+        self.textures.contains_key(&format!("{PICTURE}{view}"))
     }
 
     /// The bytes of a texture, RGBA.
@@ -295,8 +321,15 @@ impl Driver {
 
     /// Drops a file at a place.
     pub(crate) fn drop_file(&mut self, path: &Path, at: Pos2) {
+        self.drop_files(&[path], at);
+    }
+
+    /// Drops files at a place, together.
+    pub(crate) fn drop_files(&mut self, paths: &[&Path], at: Pos2) {
         self.frame(vec![Event::PointerMoved(at)]);
-        self.dropped.push(Arc::new(Dropped(path.to_owned())));
+        for path in paths {
+            self.dropped.push(Arc::new(Dropped((*path).to_owned())));
+        }
         self.frame(Vec::new());
     }
 
@@ -388,6 +421,16 @@ impl Driver {
 
     fn button(&self, pos: Pos2, pressed: bool) -> Event {
         Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: self.modifiers }
+    }
+}
+
+/// The textures that a shape is drawn with.
+fn textures_of(shape: &egui::Shape) -> Vec<egui::TextureId> {
+    match shape {
+        egui::Shape::Vec(shapes) => shapes.iter().flat_map(textures_of).collect(),
+        egui::Shape::Mesh(mesh) => vec![mesh.texture_id],
+        egui::Shape::Rect(rect) => rect.brush.iter().map(|brush| brush.fill_texture_id).collect(),
+        _ => Vec::new(),
     }
 }
 

@@ -33,6 +33,8 @@ const AS_VIEWER: &str = "--act-as-viewer";
 const STATE: &str = "LTM_VIEW_TEST_STATE";
 /// Says how such a viewer renders a scene: container, width, height, samples, apart by `|`.
 const LIVE: &str = "LTM_VIEW_TEST_LIVE";
+/// Names the container that such a viewer has as a second tab.
+const BESIDE: &str = "LTM_VIEW_TEST_BESIDE";
 /// Names that such a viewer asks the desktop for its dialogues.
 const DIALOGUES: &str = "LTM_VIEW_TEST_DIALOGUES";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
@@ -58,6 +60,7 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
         (AS_VIEWER, [path, rest @ ..]) => {
             let options = WindowOptions {
                 path: Some(path.into()),
+                beside: std::env::var_os(BESIDE).map(PathBuf::from).into_iter().collect(),
                 live: std::env::var(LIVE).map_or_else(|_| LiveChoices::default(), |text| live_choices(&text)),
                 screenshot: rest.first().map(PathBuf::from),
                 frames: 30,
@@ -211,6 +214,13 @@ fn play(script: &str, container: &Path, files: &[(&str, &Path)]) {
     let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
     let place = [("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())];
     play_at(script, container, files, &place);
+}
+
+/// As [`play`], with a second container as a tab beside the first.
+pub(crate) fn play_tabs(script: &str, [container, beside]: [&Path; 2], files: &[(&str, &Path)]) {
+    let fader = Driver::open_tabs_sized(&[container, beside], vec2(1440.0, 900.0)).find("ceiling, stops").center();
+    let place = [("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())];
+    play_at(script, container, &[files, &[(BESIDE, beside)]].concat(), &place);
 }
 
 /// As [`play`], of a scene that is rendered into a container of some pixels with some samples.

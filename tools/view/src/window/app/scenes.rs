@@ -42,7 +42,7 @@ impl App {
     /// Does what was asked for in its bar, and moves its camera.
     pub(super) fn act_on_rendering(&mut self, context: &egui::Context, choice: Option<RenderChoice>) {
         let Some(rendering) = &mut self.rendering else { return };
-        let moves = self.document.as_mut().map(|document| std::mem::take(&mut document.view.moves));
+        let moves = self.document.as_mut().map(|document| std::mem::take(&mut document.front.view.moves));
         rendering.take_moves(context, moves.unwrap_or_default());
         match choice {
             Some(RenderChoice::GoOn) => rendering.restart(context, self.memory_bytes),
