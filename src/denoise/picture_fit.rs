@@ -183,7 +183,7 @@ impl WindowSums {
             let [light, roots] = [light, roots]
                 .map(|values| values.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect());
             let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
-            sums.push(BlockSums { light, errors });
+            sums.push(BlockSums { light, roots, errors });
             bytes = rest;
         }
         let tiles = match clusters < columns {
