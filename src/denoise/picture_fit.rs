@@ -11,7 +11,7 @@ use crate::matrix::MatrixShape;
 
 /// Sums over a denoised block.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct BlockSums {
+pub(crate) struct DenoisedBlockSums {
     /// For each cluster the sum of its tiles.
     pub(super) light: Vec<f64>,
     /// For each group of lights; none where images were denoised elsewhere.
@@ -22,7 +22,7 @@ pub(crate) struct BlockSums {
 #[derive(Clone, Debug)]
 pub(crate) struct WindowSums {
     /// Of each block, in the order of the window.
-    pub(super) blocks: Vec<BlockSums>,
+    pub(super) blocks: Vec<DenoisedBlockSums>,
     /// Of the tiles; `None` where every column is a cluster.
     pub(super) tiles: Option<ColumnUpsampler>,
 }
@@ -45,7 +45,7 @@ pub(crate) struct PictureSums {
     groups: LightGroups,
     windows: PictureWindows,
     /// By block.
-    blocks: Vec<Option<BlockSums>>,
+    blocks: Vec<Option<DenoisedBlockSums>>,
     tiles: Option<ColumnUpsampler>,
 }
 
@@ -145,7 +145,7 @@ impl WindowSums {
             let (errors, rest) = rest.split_at_checked(size_of::<ErrorSums>() * groups)?;
             let light = light.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect();
             let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
-            sums.push(BlockSums { light, errors });
+            sums.push(DenoisedBlockSums { light, errors });
             bytes = rest;
         }
         let tiles = match clusters < columns {
