@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
 use super::external_images::ExternalImages;
-use super::picture_fit::{BlockSums, PictureFit, PictureSums, WindowSums, identity};
+use super::picture_fit::{DenoisedBlockSums, PictureFit, PictureSums, WindowSums, identity};
 use super::windows::{PictureWindows, windows_of};
 use super::{
     ColumnUpsampler, DenoisedRegion, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides,
@@ -401,7 +401,7 @@ impl DenoisedSource {
             let of_cluster = images.chunks_exact(images.len() / self.clusters);
             let light = of_cluster.map(|image| image.iter().map(|&v| f64::from(v)).sum()).collect();
             let roots = self.roots_of_light(&images);
-            sums.push(BlockSums { light, roots, errors: errors.unwrap_or_default() });
+            sums.push(DenoisedBlockSums { light, roots, errors: errors.unwrap_or_default() });
             if let Some(tiles) = &mut tiles {
                 self.add_tiles(tiles, &images, &self.gathering.tiles(id)?, mean);
             }

@@ -45,7 +45,9 @@ impl Guides {
     /// Those of [`parts`](Self::parts); `None` where they are not mixtures of so many clusters.
     #[cfg(feature = "scene")]
     pub(crate) fn of_parts(clusters: usize, [direct, indirect]: [Vec<f32>; 2]) -> Option<Self> {
-        let fits = |part: &Vec<f32>| !part.is_empty() && part.len() % clusters == 0 && part.len() / clusters <= GUIDES;
+        let fits = |part: &Vec<f32>| {
+            !part.is_empty() && part.len().is_multiple_of(clusters) && part.len() / clusters <= GUIDES
+        };
         (clusters > 0 && fits(&direct) && fits(&indirect)).then_some(Self { clusters, direct, indirect })
     }
 

@@ -14,7 +14,7 @@ const MOSTLY_NOISE: f32 = 0.5;
 
 /// Sums over a denoised block.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct BlockSums {
+pub(crate) struct DenoisedBlockSums {
     /// For each cluster the sum of its tiles.
     pub(super) light: Vec<f64>,
     /// For each group of lights, and at last for all, the sum of the roots of its tiles.
@@ -27,7 +27,7 @@ pub(crate) struct BlockSums {
 #[derive(Clone, Debug)]
 pub(crate) struct WindowSums {
     /// Of each block, in the order of the window.
-    pub(super) blocks: Vec<BlockSums>,
+    pub(super) blocks: Vec<DenoisedBlockSums>,
     /// Of the tiles; `None` where every column is a cluster.
     pub(super) tiles: Option<ColumnUpsampler>,
 }
@@ -51,7 +51,7 @@ pub(crate) struct PictureSums {
     groups: LightGroups,
     windows: PictureWindows,
     /// By block.
-    blocks: Vec<Option<BlockSums>>,
+    blocks: Vec<Option<DenoisedBlockSums>>,
     tiles: Option<ColumnUpsampler>,
 }
 
@@ -183,7 +183,7 @@ impl WindowSums {
             let [light, roots] = [light, roots]
                 .map(|values| values.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect());
             let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
-            sums.push(BlockSums { light, roots, errors });
+            sums.push(DenoisedBlockSums { light, roots, errors });
             bytes = rest;
         }
         let tiles = match clusters < columns {

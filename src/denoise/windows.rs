@@ -6,7 +6,7 @@ use crate::matrix::{BlockId, MatrixShape};
 
 /// Side in pixels of the windows in which columns are fitted, at most; a window has one block at least. It decides in which order sums over the
 /// picture are added up, and so the last bits of the result.
-const SIDE: u32 = 512;
+const SIDE: u32 = 256;
 
 /// The picture in windows, the same on every machine: sums over the picture are those of the windows, added up in their order. Blocks
 /// are ordered window by window, and have a *place* in that order.
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn each_block_is_in_one_window_and_has_one_place() {
-        let shape = MatrixShape::new(1100, 530, 3, 16).unwrap();
+        let shape = MatrixShape::new(550, 290, 3, 16).unwrap();
         let windows = PictureWindows::of(shape);
         let ranges = windows.ranges();
         assert_eq!((ranges.len(), ranges[0].start), (6, 0));

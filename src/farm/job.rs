@@ -13,6 +13,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::publish::BuildReport;
 use super::round::Round;
 use super::terms::Terms;
 use super::worker::Worker;
@@ -66,19 +67,6 @@ pub struct TimedBlock {
     pub seconds: f64,
     /// Bytes of its record in a shard.
     pub bytes: u64,
-}
-
-/// Result of building a range.
-#[derive(Clone, Debug)]
-pub struct BuildReport {
-    /// Name of the shard.
-    pub name: String,
-    /// Wall-clock seconds.
-    pub seconds: f64,
-    /// Rays traced.
-    pub rays: u64,
-    /// Path contributions that were not finite and were dropped.
-    pub non_finite: u64,
 }
 
 /// A shard that cannot be merged, and why.

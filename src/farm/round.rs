@@ -157,10 +157,10 @@ pub(super) fn fingerprint_of(plan: &str, round: Round, reduction: &str) -> Strin
 
 /// What stands before a round, by its name in the depot.
 #[derive(Clone, Debug)]
-pub(super) struct Named<T> {
+pub(super) struct NamedReduction {
     /// SHA-256 of the content, in hexadecimal digits.
     pub(super) hash: String,
-    pub(super) content: T,
+    pub(super) content: Reduction,
 }
 
 /// Hashes of what stands before a round, for the names that a depot has.
@@ -176,12 +176,12 @@ impl Reduction {
     ///
     /// # Errors
     /// The depot cannot be written.
-    pub(super) fn put(self, plan: &str, round: Round, depot: &BlobStore) -> Result<Named<Self>> {
+    pub(super) fn put(self, plan: &str, round: Round, depot: &BlobStore) -> Result<NamedReduction> {
         let bytes = encode(&self);
         let hash = hex(&Sha256::digest(&bytes));
         let name = reduction_prefix(plan, round) + &hash + REDUCED;
         depot.put(&name, &|out| out.write_all(&bytes).map_err(Error::io(&name, "write")))?;
-        Ok(Named { hash, content: self })
+        Ok(NamedReduction { hash, content: self })
     }
 
     /// Reads what stands before a round; `None` where the content is not that of the name.

@@ -12,10 +12,13 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::job::{BuildReport, FarmJob};
-use super::round::{CutTerms, FitTerms, GuideTerms, Named, Reduction, Round, fingerprint_of, present, reductions};
+use super::job::FarmJob;
+use super::publish::{BuildReport, scratch_file};
+use super::round::{
+    CutTerms, FitTerms, GuideTerms, NamedReduction, Reduction, Round, fingerprint_of, present, reductions,
+};
 use super::terms::Terms;
-use super::units::{AT_ONCE, CodedRecord, Unit, WorkFolders, damaged_summary, open_shards, scratch_file, summaries};
+use super::units::{AT_ONCE, CodedRecord, Unit, WorkFolders, damaged_summary, open_shards, summaries};
 use crate::blob_store::BlobStore;
 use crate::block_records::ShardSet;
 use crate::compress::{CandidateSummary, LightErrorSums, Target};
@@ -47,7 +50,7 @@ pub enum Next {
         damaged: Vec<String>,
     },
     /// All rounds are done.
-    Merge(CodedShards),
+    Merge(Box<CodedShards>),
 }
 
 /// The coded blocks of a job in a depot.
@@ -116,13 +119,13 @@ impl FarmJob {
         let is_unit = unit.start < unit.end && unit.end <= count && (round != Round::Clean || is_window());
         if !is_unit || !self.rounds().contains(&round) {
             let problem = format!("has no unit {}..{} in round {}", unit.start, unit.end, round.name());
-            return Err(Error::input("the matrix", problem, "take those that ltm merge --rounds lists"));
+            return Err(Error::input("the matrix", problem, "take those that are listed as missing"));
         }
         let plan = self.fingerprint();
         let mut reduction = None;
         for hash in reductions(&plan, round, depot)? {
             if let Some(content) = Reduction::read(&plan, round, &hash, depot)? {
-                reduction = Some(Named { hash, content });
+                reduction = Some(NamedReduction { hash, content });
                 break;
             }
         }
@@ -130,7 +133,7 @@ impl FarmJob {
             return Err(Error::Incomplete {
                 place: depot.address().to_owned(),
                 missing: format!("what round {} begins with is not there", round.name()),
-                hint: "run ltm merge --rounds, which makes it or lists what is missing".into(),
+                hint: "ask what is missing, which makes it or lists the units".into(),
             });
         };
         let work =
@@ -159,9 +162,9 @@ impl FarmJob {
         let follow = ranges.iter().zip(begins).all(|(range, begin)| range.start == begin && range.end > begin);
         if !follow || ranges.last().is_none_or(|last| last.end != shape.block_count()) {
             let problem = "its ranges are not all blocks in order";
-            return Err(Error::input("the plan", problem, "make it again with ltm plan"));
+            return Err(Error::input("the plan", problem, "make the plan again"));
         }
-        let mut reduction = Named { hash: String::new(), content: Reduction::default() };
+        let mut reduction = NamedReduction { hash: String::new(), content: Reduction::default() };
         for (number, &round) in self.rounds().iter().enumerate() {
             let units = self.units(round, ranges);
             let found = present(&fingerprint_of(&plan, round, &reduction.hash), round, &units, depot, check)?;
@@ -171,7 +174,7 @@ impl FarmJob {
             }
             let names: Vec<String> = found.chosen.into_iter().flatten().collect();
             let Some(&next) = self.rounds().get(number + 1) else {
-                return Ok(Next::Merge(CodedShards { names, reduction: reduction.content }));
+                return Ok(Next::Merge(Box::new(CodedShards { names, reduction: reduction.content })));
             };
             reduction = match self.reduction_there(next, &reduction.content, &found.whole, depot)? {
                 Some(there) => there,
@@ -188,14 +191,14 @@ impl FarmJob {
         before: &Reduction,
         there: &HashSet<String>,
         depot: &BlobStore,
-    ) -> Result<Option<Named<Reduction>>> {
+    ) -> Result<Option<NamedReduction>> {
         let plan = self.fingerprint();
         for hash in reductions(&plan, round, depot)? {
             let Some(content) = Reduction::read(&plan, round, &hash, depot)? else { continue };
             let earlier = before.shards.len();
             let goes_on = content.shards.len() == earlier + 1 && content.shards[..earlier] == before.shards;
             if goes_on && content.shards[earlier].iter().all(|name| there.contains(name)) {
-                return Ok(Some(Named { hash, content }));
+                return Ok(Some(NamedReduction { hash, content }));
             }
         }
         Ok(None)
@@ -206,7 +209,7 @@ impl FarmJob {
         &self,
         round: Round,
         names: Vec<String>,
-        before: Named<Reduction>,
+        before: NamedReduction,
         depot: &Arc<BlobStore>,
         watch: &dyn Progress,
     ) -> Result<Reduction> {

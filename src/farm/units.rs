@@ -1,13 +1,13 @@
 //! The work of the rounds after the first: each unit reads shards of earlier rounds where they lie, and leaves one of its own.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::job::BuildReport;
+use super::publish::{BuildReport, publish, scratch_file};
 use super::round::{GuideTerms, Reduction, Round, fingerprint_of};
 use super::terms::Terms;
 use crate::blob_store::BlobStore;
@@ -47,22 +47,6 @@ pub(super) struct Unit<'a> {
     pub(super) folders: WorkFolders<'a>,
 }
 
-/// A file that vanishes with the process, however that ends, for byte strings of so many keys; and a path for messages.
-///
-/// # Errors
-/// The folder cannot be written.
-pub(super) fn scratch_file(scratch: Option<&Path>, keys: u32) -> Result<(PathBuf, ContinuationFile)> {
-    let folder = match scratch {
-        Some(scratch) => tempfile::tempdir_in(scratch).map_err(Error::io(scratch, "create a folder in"))?,
-        None => tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?,
-    };
-    let path = folder.path().join("shard");
-    let file = open_spill(&path, [0; 32], keys, false)?;
-    // An unlinked file lives as long as it is open.
-    folder.close().map_err(Error::io(&path, "take the name of"))?;
-    Ok((path, file))
-}
-
 /// Shards of a depot as one set, read where they lie.
 ///
 /// # Errors
@@ -91,7 +75,7 @@ fn look(depot: &BlobStore, name: &str) -> Result<(Shard, Box<dyn Ranged>)> {
     }
 }
 
-const CHECK: &str = "merge with --check, which lists what is damaged";
+const CHECK: &str = "have all shards checked, then build again what is missing";
 
 /// Hands on the summaries of shards, in the order of their names.
 ///
@@ -335,16 +319,6 @@ impl Unit<'_> {
         }
         Ok(report)
     }
-}
-
-/// Writes the records of a range into a depot, as a shard. Returns its name.
-///
-/// # Errors
-/// A record is missing; those of the disk and of the depot.
-pub(super) fn publish(head: &ShardHead, content: &ShardContent<'_>, depot: &BlobStore) -> Result<String> {
-    let name = head.name(content)?;
-    depot.put(&name, &|out| head.write(content, &name, out))?;
-    Ok(name)
 }
 
 /// What is known of a coded block beside its layers.

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
+use super::publish::{publish, scratch_file};
 use super::round::Round;
 use super::terms::Terms;
-use super::units::{publish, scratch_file};
 use crate::blob_store::BlobStore;
 use crate::block_records::{GATHERED_PARTS, Records, ShardContent, ShardHead};
 use crate::compress::{Compressor, CompressorPlan};

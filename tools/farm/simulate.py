@@ -40,7 +40,7 @@ def parsed() -> argparse.Namespace:
     bytes_of.add_argument("--images", type=float, required=True, help="denoised images")
     bytes_of.add_argument("--summary", type=float, default=0.003, help="the summary of an analysed block [default: 0.003]")
     bytes_of.add_argument("--coded", type=float, default=0.005, help="a coded block [default: 0.005]")
-    parser.add_argument("--window", type=int, default=512, help="pixels of a window's side [default: 512]")
+    parser.add_argument("--window", type=int, default=256, help="pixels of a window's side [default: 256]")
     parser.add_argument("--halo", type=int, default=160, help="pixels around a window that cleaning reads [default: 160]")
     parser.add_argument("--fit-mib", type=float, default=0.0, help="sums for the fit of columns that a window leaves, in MiB")
     parser.add_argument("--sums-mib", type=float, default=0.0, help="sums over columns that a coded range leaves, in MiB")
@@ -144,25 +144,28 @@ class Farm:
         begun = self.now
         rate = self.asked.lost_per_hour / 3600.0
         todo = todo[::-1]
-        free = [(begun, worker) for worker in range(min(self.workers, 2 * len(todo)))]
+        # What happens when: a worker is free, or has done the work of a unit.
+        events: list = [(begun, worker, None) for worker in range(min(self.workers, 2 * len(todo)))]
         scheduler = gives = takes = end = begun
-        while todo:
-            unit = todo.pop()
-            now, worker = heapq.heappop(free)
-            # One task after the other leaves the scheduler.
-            scheduler = max(scheduler, now) + self.asked.task_milliseconds / 1000.0
-            gives, here = self.transfer(gives, scheduler, unit.read)
-            done = here + unit.seconds
-            until_loss = self.chance.expovariate(rate) if rate > 0 else float("inf")
-            if scheduler + until_loss < done:
-                self.losses += 1
-                self.lost += until_loss
-                todo.append(unit)
-                heapq.heappush(free, (scheduler + until_loss + self.asked.back_seconds, worker))
-                continue
-            takes, left = self.transfer(takes, done, unit.written)
-            end = max(end, left)
-            heapq.heappush(free, (left, worker))
+        while events:
+            now, worker, unit = heapq.heappop(events)
+            if unit is not None:
+                takes, left = self.transfer(takes, now, unit.written)
+                end = max(end, left)
+                heapq.heappush(events, (left, worker, None))
+            elif todo:
+                unit = todo.pop()
+                # One task after the other leaves the scheduler.
+                scheduler = max(scheduler, now) + self.asked.task_milliseconds / 1000.0
+                gives, here = self.transfer(gives, scheduler, unit.read)
+                until_loss = self.chance.expovariate(rate) if rate > 0 else float("inf")
+                if scheduler + until_loss < here + unit.seconds:
+                    self.losses += 1
+                    self.lost += until_loss
+                    todo.append(unit)
+                    heapq.heappush(events, (scheduler + until_loss + self.asked.back_seconds, worker, None))
+                else:
+                    heapq.heappush(events, (here + unit.seconds, worker, unit))
         self.now = end
         return end - begun
 

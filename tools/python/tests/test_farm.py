@@ -173,7 +173,7 @@ def test_the_command_line_of_a_merge_says_what_is_missing(room: Path, tmp_path: 
     assert (done.returncode, done.stdout.splitlines()) == (farm.MISSING, ["trace 0", "trace 2", "trace 4"])
     early = [PROGRAM, "build", "--plan", str(plan), "--round", "clean", "--range", "0", "--out", str(shards)]
     done = subprocess.run(early, capture_output=True, text=True)
-    assert done.returncode == farm.MISSING and "merge --rounds" in done.stderr
+    assert done.returncode == farm.MISSING and "round clean" in done.stderr
 
 
 def test_the_command_line_renders_a_scene(room: Path, tmp_path: Path, monkeypatch, capsys):
