@@ -2,9 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::right::GROUP;
 use crate::light::Lighting;
 use crate::matrix::{CHANNELS, ColumnTile, ColumnTransform};
+
+/// Dense numbers of right factors come in groups of so many.
+pub(super) const GROUP: usize = 16;
 
 /// A lighting with the weights of each channel apart, and its coefficients, tile by tile: computed once for a picture.
 pub(crate) struct LightingCoefficients {

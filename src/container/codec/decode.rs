@@ -172,19 +172,13 @@ fn decode(
             read(decoder, &classes, shape, steps, &mut scratch, plane);
         }
         turn_back(left, head.rotation);
-        let (index, images) = (head.right_step, right_images(&layout.lights, &band_steps));
+        let (index, mut images) = (head.right_step, right_images(&layout.lights, &band_steps));
         match &mut right_sides {
             RightSides::Coded(_) if copied.is_some() => {}
             RightSides::Coded(coded) => {
-                let mut values = vec![0; columns];
-                let mut rest = values.as_mut_slice();
-                for (shape, band_steps) in images {
-                    let plane;
-                    (plane, rest) = rest.split_at_mut(shape.values());
-                    let classes = contexts.read(&mut side, PlaneKind::Right)?;
-                    read_numbers(decoder, &classes, shape, &mut scratch, plane);
-                    coded.are_in_range &= Steps { index, band_steps }.are_in_range();
-                }
+                let values = read_coded_right(decoder, &mut side, &mut contexts, layout, &mut scratch)?;
+                let are_in_range = |(_, band_steps)| Steps { index, band_steps }.are_in_range();
+                coded.are_in_range &= images.all(are_in_range);
                 coded.rows.push(CodedRow { component: k as u32, step: right_step, values });
             }
             RightSides::Values => {
@@ -223,6 +217,26 @@ fn decode(
         block.sparse = sparse::read(&mut side, chunk.sparse_entries, pixels, columns, step)?;
     }
     Ok(block)
+}
+
+/// The numbers of a right side.
+#[inline(always)]
+fn read_coded_right(
+    decoder: &mut RansDecoder<'_>,
+    side: &mut BitDecoder<'_>,
+    contexts: &mut ClassContexts,
+    layout: &BlockLayout,
+    scratch: &mut Scratch,
+) -> Result<Vec<i32>, String> {
+    let mut values = vec![0; layout.columns()];
+    let mut rest = values.as_mut_slice();
+    for (shape, _) in right_images(&layout.lights, &[]) {
+        let plane;
+        (plane, rest) = rest.split_at_mut(shape.values());
+        let classes = contexts.read(side, PlaneKind::Right)?;
+        read_numbers(decoder, &classes, shape, scratch, plane);
+    }
+    Ok(values)
 }
 
 /// The head of a component with the first codings; `has_right`: whether its right side is stored.
