@@ -9,7 +9,7 @@ use ltm::Error;
 use ltm::container::ContainerReader;
 use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
-use ltm::pipeline::{self, DATA_NAME, PAGE_NAME, PackOptions, ShareOptions};
+use ltm::pipeline::{self, DATA_NAME, PAGE_NAME, PackOptions, ShareOptions, ShareView};
 use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 use ltm::share::SharedLook;
@@ -26,7 +26,7 @@ fn packed(folder: &TempDir) -> PathBuf {
 }
 
 fn share(container: &Path, output: &Path, options: &ShareOptions) -> ltm::Result<pipeline::ShareReport> {
-    pipeline::share(&ContainerReader::open(container)?, output, options, &NoProgress)
+    pipeline::share(&[ShareView::of(&ContainerReader::open(container)?)], output, options, &NoProgress)
 }
 
 /// Head and the bytes after it.
@@ -81,8 +81,10 @@ fn the_data_are_the_containers_chunks_behind_a_small_preview() {
     let job = reader.job();
     let lighting = Lighting::uniform(job.shape.columns(), [0.5, 0.25, 0.1]).unwrap();
     let looks = vec![SharedLook { name: "\"half\"".into(), lighting }];
-    let options = ShareOptions { title: "A <room>".into(), looks, ..Default::default() };
-    let report = share(&container, &site, &options).unwrap();
+    let options = ShareOptions { title: "A <room>".into(), ..Default::default() };
+    let views = [ShareView { looks, ..ShareView::of(&reader) }];
+    let share = |output: &Path, options: &ShareOptions| pipeline::share(&views, output, options, &NoProgress);
+    let report = share(&site, &options).unwrap();
     let (data, page) = (fs::read(site.join(DATA_NAME)).unwrap(), fs::read_to_string(site.join(PAGE_NAME)).unwrap());
     assert_eq!((report.data.total, report.page_bytes), (data.len() as u64, page.len() as u64));
     assert!(page.contains("<title>A &lt;room&gt;</title>"));
@@ -113,18 +115,46 @@ fn the_data_are_the_containers_chunks_behind_a_small_preview() {
     assert!(report.data.to_preview < report.data.to_base && report.data.to_base <= report.data.total);
 
     // The same again gives the same bytes, and only where it may.
-    let refused = share(&container, &site, &options).unwrap_err();
+    let refused = share(&site, &options).unwrap_err();
     assert!(matches!(refused, Error::Input { .. }) && refused.to_string().contains("`overwrite`"), "{refused}");
-    share(&container, &site, &ShareOptions { overwrite: true, ..options.clone() }).unwrap();
+    share(&site, &ShareOptions { overwrite: true, ..options.clone() }).unwrap();
     assert_eq!(fs::read(site.join(DATA_NAME)).unwrap(), data);
 
     // One file has the same data inside.
     let single = folder.path().join("room.html");
-    let report = share(&container, &single, &ShareOptions { single: true, ..options }).unwrap();
+    let report = share(&single, &ShareOptions { single: true, ..options }).unwrap();
     let html = fs::read_to_string(&single).unwrap();
     assert_eq!((report.total_bytes, report.data.total), (html.len() as u64, data.len() as u64));
-    let text = html.split_once("id=\"ltm-data\">").unwrap().1.split('<').next().unwrap();
+    let text = html.split_once("vnd.ltm.share\">").unwrap().1.split('<').next().unwrap();
     assert_eq!(text.len(), data.len().div_ceil(3) * 4);
+}
+
+#[test]
+fn several_views_have_their_data_beside_one_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let container = packed(&folder);
+    let (site, single) = (folder.path().join("site"), folder.path().join("two.html"));
+    let reader = ContainerReader::open(&container).unwrap();
+    let named = |name: &str| ShareView { name: name.into(), ..ShareView::of(&reader) };
+    let views = [named("lobby"), named("bar & grill")];
+    let options = ShareOptions { title: "Hotel".into(), ..Default::default() };
+    let report = pipeline::share(&views, &site, &options, &NoProgress).unwrap();
+    let [first, second] = [0, 1].map(|view| fs::read(site.join(pipeline::data_name(view))).unwrap());
+    let page = fs::read_to_string(site.join(PAGE_NAME)).unwrap();
+    assert!(page.contains("data-view=\"lobby\"") && page.contains("data-view=\"bar &amp; grill\""));
+    assert_eq!(report.total_bytes, (first.len() + second.len() + page.len()) as u64);
+    // Each is what the container alone has, under the page's one title and exposure.
+    share(&container, &folder.path().join("alone"), &options).unwrap();
+    assert!(first == second && first == fs::read(folder.path().join("alone").join(DATA_NAME)).unwrap());
+    let options = ShareOptions { single: true, ..options };
+    let report = pipeline::share(&views, &single, &options, &NoProgress).unwrap();
+    let html = fs::read_to_string(&single).unwrap();
+    assert_eq!((report.total_bytes, html.matches("vnd.ltm.share\"").count()), (html.len() as u64, 2));
+    assert!(pipeline::share(&[], &single, &options, &NoProgress).unwrap_err().to_string().contains("no view"));
+    fs::remove_file(site.join(DATA_NAME)).unwrap();
+    fs::remove_file(site.join(PAGE_NAME)).unwrap();
+    let refused = pipeline::share(&views, &site, &ShareOptions { single: false, ..options }, &NoProgress).unwrap_err();
+    assert!(refused.to_string().contains("picture-2.lts"), "{refused}");
 }
 
 #[test]

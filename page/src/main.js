@@ -1,13 +1,12 @@
 // The page itself: it joins the data, the engine, the stage and the mixer. The same script runs in workers.
 
-/** @import { Head } from './stream.js' */
+/** @import { View } from './view.js' */
 /** @import { Mix } from './mix.js' */
 import { CURVES, luminance, toneOf } from './colour.js';
-import { rectOf } from './blocks.js';
 import { serve } from './worker.js';
-import { EmbeddedBytes, FetchedBytes, inflate, readShare } from './stream.js';
-import { Desk, copyOf, ofShortForm, shortForm } from './mix.js';
-import { Engine } from './engine.js';
+import { EmbeddedBytes, FetchedBytes, inflate } from './stream.js';
+import { Desk, copyOf, ofShortForm, shortForm, unionOf } from './mix.js';
+import { openView } from './view.js';
 import { Mixer, make, signed } from './mixer.js';
 import { Stage } from './stage.js';
 
@@ -15,7 +14,6 @@ import { Stage } from './stage.js';
 const MOST_UNDONE = 100;
 /** Width of a look's thumbnail. */
 const THUMB_WIDTH = 160;
-const LAYER_NAMES = ['coarse', 'fine'];
 const WAY_NAMES = { webgpu: 'WebGPU', webgl2: 'WebGL 2', worker: 'workers' };
 
 /** @template {HTMLElement} [T=HTMLElement] @param {string} id */
@@ -47,62 +45,40 @@ async function stateOf(fragment) {
   return JSON.parse(new TextDecoder().decode(await inflate(Uint8Array.from(text, (sign) => sign.charCodeAt(0)))));
 }
 
-/** The page once its head is known. */
+/** The page once the heads of its views are known: one mix lights them all. */
 class Page {
-  /** @param {Head} head @param {string} script */
-  constructor(head, script) {
-    this.head = head;
-    this.desk = new Desk(head);
+  /** @param {View[]} views @param {string} script */
+  constructor(views, script) {
+    const { all, places } = unionOf(views);
+    views.forEach((view, i) => (view.places = places[i]));
+    this.views = views;
+    this.view = views[0];
+    this.script = script;
+    this.head = all;
+    this.desk = new Desk(all);
     this.current = this.desk.mixOf(-1);
-    this.exposure = head.exposure;
+    this.exposure = all.exposure;
     this.curve = 0;
     /** @type {Mix[]} */
     this.undone = [];
     this.lastKept = copyOf(this.current);
     /** @type {Mix | null} */
     this.kept = null;
-    /** @type {Float32Array | null} */
+    /** Weights of the view's columns. @type {Float32Array | null} */
     this.weights = null;
     /** @type {Float32Array | null} */
     this.otherWeights = null;
     this.isWanted = false;
     this.isBusy = false;
-    this.isOtherOld = true;
     this.areThumbsOld = true;
     /** @type {{ x: number, y: number } | null} */
     this.asked = null;
-    /** @type {Map<string, string>} */
-    this.damage = new Map();
-    this.isComplete = false;
-    this.loaded = 0;
     this.fragment = '';
-    /** What the picture that is seen was drawn from. */
-    this.drawn = 'loading';
     this.lastState = '';
     this.linkTimer = 0;
-    const whole = head.levels[1];
     this.picture = byId('picture');
     const canvas = /** @type {HTMLCanvasElement} */ (this.picture);
-    [canvas.width, canvas.height] = [whole.width, whole.height];
     this.shown = /** @type {CanvasRenderingContext2D} */ (canvas.getContext('2d'));
-    const layer = () => {
-      const own = make('canvas', { width: whole.width, height: whole.height });
-      return /** @type {CanvasRenderingContext2D} */ (own.getContext('2d'));
-    };
-    this.now = layer();
-    this.other = layer();
-    const wish = new URLSearchParams(location.search).get('compute');
-    this.engine = new Engine(head, script, wish, {
-      changed: (news) => {
-        // The first layer of the preview has what all lights do together; the next tells them apart.
-        if (news?.level === 0 && news.layer > 0) this.areThumbsOld = true;
-        this.isOtherOld = true;
-        this.request();
-      },
-      bad: (news) => this.lost(news.level, news.layer, news.id, news.problem),
-      way: (way) => (document.body.dataset.way = way),
-      failed: fail,
-    });
     this.stage = new Stage(byId('stage'), canvas, {
       read: (at) => {
         this.asked = at;
@@ -113,7 +89,64 @@ class Page {
     this.mixer = new Mixer(byId('lights'), this.desk, () => this.current, (change, isEnd) => this.change(change, isEnd));
     this.fillControls();
     this.listen();
-    this.stage.fit();
+    this.show(0);
+  }
+
+  /** The engine of the view that is seen; it begins with the first call. */
+  get engine() {
+    return this.view.begin(this.script, {
+      changed: (view, news) => {
+        // The first layer of the preview has what all lights do together; the next tells them apart.
+        if (view === this.view && news?.level === 0 && news.layer > 0) this.areThumbsOld = true;
+        this.came(view);
+      },
+      lost: (view) => this.came(view),
+      way: (view, way) => {
+        if (view === this.view) document.body.dataset.way = way;
+      },
+      failed: fail,
+    });
+  }
+
+  /** Shows a view under the same mix, where it stood. @param {number} index */
+  show(index) {
+    const view = this.views[index];
+    if (view !== this.view) {
+      this.view.standing = this.stage.standing;
+      this.link();
+    }
+    this.view = view;
+    const { width, height } = view.head.levels[1];
+    const canvas = /** @type {HTMLCanvasElement} */ (this.picture);
+    [canvas.width, canvas.height] = [width, height];
+    for (const thumb of this.thumbs ?? []) thumb.canvas.height = Math.round((THUMB_WIDTH * height) / width);
+    document.body.dataset.way = this.engine.way;
+    document.body.dataset.view = view.name;
+    Array.from(byId('views').children).forEach((tab, i) => tab.setAttribute('aria-pressed', String(i === index)));
+    this.mixer.list(view.places);
+    this.stage.goTo(view.standing);
+    [this.weights, this.asked, this.areThumbsOld] = [null, null, true];
+    this.compare();
+    this.compose();
+    this.showDamage();
+  }
+
+  /** Shows the next view, or one before. @param {number} step */
+  step(step) {
+    const count = this.views.length;
+    if (count > 1) this.show((this.views.indexOf(this.view) + count + step) % count);
+  }
+
+  /** Something of a view has come, or was lost. @param {View} view */
+  came(view) {
+    if (view !== this.view) return;
+    this.showDamage();
+    this.request();
+  }
+
+  /** The weights of the view's columns under a mix. @param {Mix} mix */
+  lighting(mix) {
+    return this.desk.lighting(mix, this.view.head.lights, this.view.places);
   }
 
   /** @param {(mix: Mix) => void} change @param {boolean} isEnd */
@@ -145,9 +178,13 @@ class Page {
   fillControls() {
     const curve = byId('curve');
     curve.append(...CURVES.map((name, i) => make('option', { value: String(i) }, name)));
+    if (this.views.length > 1) {
+      byId('views').hidden = false;
+      byId('views').append(...this.views.map(({ name }, i) => make('button', { type: 'button', onclick: () => this.show(i) }, name)));
+    }
     const looks = byId('looks');
     const names = ["Scene's own", ...this.head.looks.map((look) => look.name)];
-    const { width, height } = this.head.levels[1];
+    const { width, height } = this.view.head.levels[1];
     /** @type {CanvasRenderingContext2D[]} */
     this.thumbs = names.map((name, i) => {
       const thumb = make('canvas', { width: THUMB_WIDTH, height: Math.round((THUMB_WIDTH * height) / width), 'aria-hidden': 'true' });
@@ -169,7 +206,7 @@ class Page {
   /** @param {number} exposure @param {number} curve */
   display(exposure, curve) {
     [this.exposure, this.curve] = [Math.min(Math.max(exposure, -60), 60), curve];
-    this.isOtherOld = this.areThumbsOld = true;
+    this.view.isOtherOld = this.areThumbsOld = true;
     this.showDisplay();
     this.request();
     this.link();
@@ -222,7 +259,7 @@ class Page {
       '+': () => this.stage.zoom(Math.SQRT2), '=': () => this.stage.zoom(Math.SQRT2), '-': () => this.stage.zoom(Math.SQRT1_2),
       e: () => this.display(this.exposure + 0.5, this.curve), E: () => this.display(this.exposure - 0.5, this.curve),
       n: () => this.expose(), t: () => this.display(this.exposure, (this.curve + 1) % CURVES.length),
-      k: () => this.keep(), '/': () => byId('search').focus(),
+      v: () => this.step(1), V: () => this.step(-1), k: () => this.keep(), '/': () => byId('search').focus(),
       w: () => {
         compare.value = compare.value === '' ? (this.kept ? 'kept' : '-1') : '';
         this.compare();
@@ -245,8 +282,8 @@ class Page {
   compare() {
     const { value } = /** @type {HTMLSelectElement} */ (byId('compare'));
     const mix = value === '' ? null : value === 'kept' ? this.kept : this.desk.mixOf(Number(value));
-    this.otherWeights = mix ? this.desk.lighting(mix) : null;
-    this.isOtherOld = true;
+    this.otherWeights = mix ? this.lighting(mix) : null;
+    this.view.isOtherOld = true;
     byId('wipe-label').hidden = byId('line').hidden = !mix;
     this.placeLine();
     this.request();
@@ -258,7 +295,7 @@ class Page {
   }
 
   async expose() {
-    this.display(await this.engine.exposureFor((this.weights ??= this.desk.lighting(this.current))), this.curve);
+    this.display(await this.engine.exposureFor((this.weights ??= this.lighting(this.current))), this.curve);
   }
 
   fullScreen() {
@@ -267,11 +304,11 @@ class Page {
   }
 
   savePng() {
-    const canvas = this.now.canvas;
+    const canvas = this.view.now.canvas;
     canvas.toBlob((blob) => {
       if (!blob) return;
       const url = URL.createObjectURL(blob);
-      make('a', { href: url, download: `${this.head.title}.png` }).click();
+      make('a', { href: url, download: `${this.views.length > 1 ? this.view.name : this.head.title}.png` }).click();
       setTimeout(() => URL.revokeObjectURL(url), 10_000);
     }, 'image/png');
   }
@@ -290,7 +327,8 @@ class Page {
   }
 
   async writeFragment() {
-    const state = { ...shortForm(this.desk, this.current), exposure: Number(this.exposure.toFixed(3)), curve: this.curve };
+    const view = this.views.length > 1 ? { view: this.views.indexOf(this.view) } : {};
+    const state = { ...shortForm(this.desk, this.current), exposure: Number(this.exposure.toFixed(3)), curve: this.curve, ...view };
     this.fragment = await fragmentOf(state);
     history.replaceState(null, '', this.fragment);
   }
@@ -303,6 +341,7 @@ class Page {
       this.take(ofShortForm(this.desk, state));
       const curve = CURVES[state.curve] ? state.curve : 0;
       if (Number.isFinite(state.exposure)) this.display(state.exposure, curve);
+      if (this.views[state.view] && this.views[state.view] !== this.view) this.show(state.view);
     } catch {
       this.say('the link holds no mix of this picture');
     }
@@ -340,23 +379,27 @@ class Page {
 
   async paint() {
     const begun = performance.now();
+    const { view, engine } = this;
     const tone = toneOf(this.curve, this.exposure);
-    this.weights ??= this.desk.lighting(this.current);
-    const known = this.engine.isWhole(1) ? 'base' : this.engine.isWhole(0) ? 'preview' : 'loading';
-    await this.engine.draw(this.now, this.weights, tone);
-    if (this.otherWeights && this.isOtherOld) {
-      this.isOtherOld = false;
-      await this.engine.draw(this.other, this.otherWeights, tone);
+    this.weights ??= this.lighting(this.current);
+    const known = engine.isWhole(1) ? 'base' : engine.isWhole(0) ? 'preview' : 'loading';
+    await engine.draw(view.now, this.weights, tone);
+    if (view !== this.view) return;
+    if (this.otherWeights && view.isOtherOld) {
+      view.isOtherOld = false;
+      await engine.draw(view.other, this.otherWeights, tone);
+      if (view !== this.view) return;
     }
     this.compose();
-    this.drawn = known;
+    view.drawn = known;
     this.showState();
     document.body.dataset.ms = (performance.now() - begun).toFixed(1);
     document.body.dataset.pictures = String(Number(document.body.dataset.pictures ?? 0) + 1);
-    if (this.areThumbsOld && this.engine.isWhole(0)) {
+    if (this.areThumbsOld && engine.isWhole(0)) {
       this.areThumbsOld = false;
       for (const [i, thumb] of (this.thumbs ?? []).entries()) {
-        await this.engine.drawSmall(thumb, this.desk.lighting(this.desk.mixOf(i - 1)), tone);
+        await engine.drawSmall(thumb, this.lighting(this.desk.mixOf(i - 1)), tone);
+        if (view !== this.view) return;
       }
     }
   }
@@ -365,12 +408,12 @@ class Page {
   compose() {
     const { canvas } = this.shown;
     this.shown.clearRect(0, 0, canvas.width, canvas.height);
-    this.shown.drawImage(this.now.canvas, 0, 0);
+    this.shown.drawImage(this.view.now.canvas, 0, 0);
     if (!this.otherWeights) return;
     const width = Math.round(canvas.width * Number(/** @type {HTMLInputElement} */ (byId('wipe')).value));
     if (width > 0) {
       this.shown.clearRect(0, 0, width, canvas.height);
-      this.shown.drawImage(this.other.canvas, 0, 0, width, canvas.height, 0, 0, width, canvas.height);
+      this.shown.drawImage(this.view.other.canvas, 0, 0, width, canvas.height, 0, 0, width, canvas.height);
     }
     this.placeLine();
   }
@@ -382,10 +425,11 @@ class Page {
       output.textContent = '';
       return;
     }
+    const { view } = this;
     const rgb = await this.engine.probe(at.x, at.y, this.weights);
-    if (this.asked !== at || !rgb) return;
+    if (this.asked !== at || view !== this.view || !rgb) return;
     const bright = luminance(rgb);
-    const lumens = this.head.lumensPerWatt;
+    const lumens = view.head.lumensPerWatt;
     // A matt surface sends on at most what it gets: E ≥ π L.
     const unit = lumens ? `${short(bright * lumens)} cd/m²  ≥ ${short(bright * lumens * Math.PI)} lx` : `Y ${short(bright)}`;
     output.textContent = `${at.x}, ${at.y}   ${unit}\n${rgb.map(short).join('  ')}`;
@@ -397,41 +441,29 @@ class Page {
     byId('damage').hidden = false;
   }
 
-  /** @param {number} level @param {number} layer @param {number | null} id @param {string} why */
-  lost(level, layer, id, why) {
+  /** Says what is damaged of the view. */
+  showDamage() {
     if (document.body.dataset.state === 'failed') return;
-    const which = level === 0 ? 'preview' : LAYER_NAMES[layer] ?? `layer ${layer}`;
-    let where = `all that is missing of it`;
-    if (id !== null) {
-      const { x, y, width, height } = rectOf(this.head.levels[level], id);
-      const shrink = level === 0 ? this.head.shrink : 1;
-      where = `pixels ${x * shrink} to ${(x + width) * shrink - 1} across, ${y * shrink} to ${(y + height) * shrink - 1} down`;
-    }
-    this.damage.set(`${level} ${layer} ${id}`, `${which}, ${where}: ${why}`);
-    const list = Array.from(this.damage.values());
+    const list = Array.from(this.view.damage.values());
     const box = byId('damage');
+    if (list.length === 0) return;
+    box.hidden = false;
     const shown = list.slice(0, 20).map((line) => make('li', {}, line));
     if (list.length > shown.length) shown.push(make('li', {}, `and ${list.length - shown.length} more`));
     box.replaceChildren(`The data are damaged: ${list.length} of their parts cannot be used. The rest is shown; where fine parts are missing, coarser.`, make('ul', {}, ...shown));
-    box.hidden = false;
-  }
-
-  /** @param {number} have @param {number} total */
-  progress(have, total) {
-    this.loaded = have / total;
-    this.showState();
   }
 
   showState() {
     const { dataset } = document.body;
     if (dataset.state === 'failed') return;
     const isIdle = this.engine.atWork === 0;
-    const isDone = this.isComplete && isIdle && !this.isBusy && !this.isWanted;
-    dataset.state = isDone ? (this.damage.size > 0 ? 'damaged' : 'complete') : this.drawn;
-    const { width, height } = this.head.levels[1];
+    const { view } = this;
+    const isDone = view.isComplete && isIdle && !this.isBusy && !this.isWanted;
+    dataset.state = isDone ? (view.damage.size > 0 ? 'damaged' : 'complete') : view.drawn;
+    const { width, height } = view.head.levels[1];
     const way = WAY_NAMES[/** @type {keyof typeof WAY_NAMES} */ (this.engine.way)] ?? '';
-    if (isDone) this.say(`${width} × ${height} pixels, ${this.head.lights.length} lights, by ${way}`);
-    else this.say(`Loading, ${Math.round(100 * this.loaded)} %`);
+    if (isDone) this.say(`${width} × ${height} pixels, ${view.places.length} lights, by ${way}`);
+    else this.say(`Loading, ${Math.round(100 * view.loaded)} %`);
     if (dataset.state !== this.lastState) performance.mark(`ltm-${dataset.state}`);
     this.lastState = dataset.state;
   }
@@ -441,9 +473,11 @@ class Page {
     if (byId('status').textContent !== text) byId('status').textContent = text;
   }
 
-  finish() {
-    this.isComplete = true;
-    this.request();
+  /** All of a view has come, or no more will. @param {View} view @param {string | null} problem */
+  ended(view, problem) {
+    if (problem !== null && this.views.length === 1) fail(problem);
+    else if (problem !== null) this.tell(`No more of ${view.name} comes: ${problem}.`);
+    else if (view === this.view) this.request();
   }
 }
 
@@ -457,28 +491,32 @@ function fail(problem) {
 
 async function run() {
   const script = byId('script').textContent ?? '';
-  const embedded = document.getElementById('ltm-data');
-  const name = document.querySelector('meta[name=ltm-data]')?.getAttribute('content') ?? '';
-  const bytes = embedded ? new EmbeddedBytes(embedded.textContent ?? '') : new FetchedBytes(name);
+  const embedded = Array.from(document.querySelectorAll('script[type="application/vnd.ltm.share"]'));
+  const fetched = Array.from(document.querySelectorAll('meta[name=ltm-data]'));
+  const sources = embedded.length > 0
+    ? embedded.map((own) => ({ own, bytes: new EmbeddedBytes(own.textContent ?? '') }))
+    : fetched.map((own) => ({ own, bytes: new FetchedBytes(own.getAttribute('content') ?? '') }));
   /** @type {Page | null} */
   let page = null;
-  try {
-    await readShare(bytes, {
-      head: (head) => {
-        page = new Page(head, script);
-        page.readFragment();
-      },
-      chunk: (level, id, layer, chunk) => page?.engine.decode(level, id, layer, chunk),
-      layerDone: () => page?.request(),
-      progress: (have, total) => page?.progress(have, total),
-      lost: (level, layer, id, why) => page?.lost(level, layer, id, why),
-    });
-    /** @type {Page | null} */ (page)?.finish();
-  } catch (error) {
-    const problem = error instanceof Error ? error.message : String(error);
-    const hint = !embedded && location.protocol === 'file:' ? ' A page in a folder needs a server; one made with --single does not.' : '';
-    fail(problem);
+  /** @param {unknown} error */
+  const none = (error) => {
+    fail(error instanceof Error ? error.message : String(error));
+    const hint = embedded.length === 0 && location.protocol === 'file:' ? ' A page in a folder needs a server; one made with --single does not.' : '';
     byId('damage').append(hint);
+  };
+  try {
+    const opened = await Promise.allSettled(sources.map(({ own, bytes }) => openView(own.getAttribute('data-view') ?? '', bytes, {
+      came: (view) => page?.came(view),
+      ended: (view, problem) => page?.ended(view, problem),
+    })));
+    const views = opened.flatMap((one) => (one.status === 'fulfilled' ? [one.value] : []));
+    const [lost] = opened.flatMap((one) => (one.status === 'rejected' ? [one.reason] : []));
+    if (views.length === 0) throw lost;
+    page = new Page(views, script);
+    if (lost) page.tell(`A view cannot be shown: ${lost instanceof Error ? lost.message : lost}.`);
+    page.readFragment();
+  } catch (error) {
+    none(error);
   }
 }
 

@@ -24,10 +24,6 @@ export class Desk {
   constructor(head) {
     this.head = head;
     this.lights = head.lights;
-    let column = 0;
-    /** First column of each light. */
-    this.first = head.lights.map((light) => (column += light.across * light.down) - light.across * light.down);
-    this.columns = column;
     /** @type {{ name: string, lights: number[] }[]} */
     this.groups = head.groups.concat(stemGroups(head)).filter((group) => group.lights.length > 0);
     /** @type {number[]} group of each light, -1 for none */
@@ -56,23 +52,63 @@ export class Desk {
     return own.on && (!group || group.on) && (own.solo || !mix.lights.some((other) => other.solo));
   }
 
-  /** The weights of all columns times their scales, three planes: what the factors are multiplied by. @param {Mix} mix */
-  lighting(mix) {
-    const weights = new Float32Array(3 * this.columns);
-    this.lights.forEach((light, i) => {
-      if (!this.shines(mix, i)) return;
-      const own = mix.lights[i];
-      const gain = 2 ** (own.stops + (mix.groups[this.groupOf[i]]?.stops ?? 0));
+  /**
+   * The weights of all columns of a view times their scales, three planes: what its factors are multiplied by.
+   * @param {Mix} mix
+   * @param {Light[]} lights the view's
+   * @param {number[]} places of each of them among the desk's
+   */
+  lighting(mix, lights, places) {
+    const columns = lights.reduce((sum, light) => sum + light.across * light.down, 0);
+    const weights = new Float32Array(3 * columns);
+    let first = 0;
+    lights.forEach((light, i) => {
+      const texels = light.across * light.down;
+      const at = first;
+      first += texels;
+      if (!this.shines(mix, places[i])) return;
+      const own = mix.lights[places[i]];
+      const gain = 2 ** (own.stops + (mix.groups[this.groupOf[places[i]]]?.stops ?? 0));
       const colour = colourOf(light, own.tint).map((v) => v * gain * light.scale);
       const pattern = own.pattern && turned(light, own.pattern, own.turn);
-      for (let texel = 0; texel < light.across * light.down; texel++) {
-        for (const ch of UNITS) {
-          weights[ch * this.columns + this.first[i] + texel] = colour[ch] * (pattern ? pattern[3 * texel + ch] : 1);
-        }
+      for (let texel = 0; texel < texels; texel++) {
+        for (const ch of UNITS) weights[ch * columns + at + texel] = colour[ch] * (pattern ? pattern[3 * texel + ch] : 1);
       }
     });
     return weights;
   }
+}
+
+/**
+ * The lights, groups and looks of several views of one scene, as of one head; and the place of each view's lights among them. A light is
+ * one with another view's if name, texels and unit are the same; else the view's name stands behind its own.
+ * @param {{ name: string, head: Head }[]} views
+ * @returns {{ all: Head, places: number[][] }}
+ */
+export function unionOf(views) {
+  /** @type {Head} */
+  const all = { ...views[0].head, lights: [], groups: [], looks: [] };
+  const places = views.map(({ name, head }) => head.lights.map((light) => {
+    const isSame = (/** @type {Light} */ other) => other.across === light.across && other.down === light.down && other.unit === light.unit;
+    const found = all.lights.findIndex((other) => other.name === light.name);
+    if (found >= 0 && isSame(all.lights[found])) return found;
+    const own = found < 0 ? light.name : `${light.name} (${name})`;
+    const again = all.lights.findIndex((other) => other.name === own);
+    if (again >= 0 && isSame(all.lights[again])) return again;
+    return all.lights.push({ ...light, name: own }) - 1;
+  }));
+  views.forEach(({ head }, view) => {
+    for (const { name, lights } of head.groups) {
+      const group = all.groups.find((other) => other.name === name) ?? all.groups[all.groups.push({ name, lights: [] }) - 1];
+      const isFree = (/** @type {number} */ light) => all.groups.every((other) => !other.lights.includes(light));
+      group.lights.push(...lights.map((light) => places[view][light]).filter(isFree));
+    }
+    for (const { name, lights } of head.looks) {
+      const look = all.looks.find((other) => other.name === name) ?? all.looks[all.looks.push({ name, lights: [] }) - 1];
+      lights.forEach((weights, light) => (look.lights[places[view][light]] ??= weights));
+    }
+  });
+  return { all, places };
 }
 
 /**

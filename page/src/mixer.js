@@ -47,6 +47,9 @@ export class Mixer {
     this.rows = [];
     /** @type {{ head: HTMLElement, lights: number[], list: HTMLElement, isFolded: boolean }[]} */
     this.heads = [];
+    /** Places of the lights that are listed: those of the view that is seen. @type {Set<number>} */
+    this.present = new Set(desk.lights.keys());
+    this.words = '';
     const placed = new Set();
     desk.lights.forEach((_, light) => {
       const group = desk.groupOf[light];
@@ -64,18 +67,20 @@ export class Mixer {
 
   /** Shows the lights whose name or kind holds every word. @param {string} words */
   search(words) {
+    this.words = words;
     const wanted = words.toLowerCase().split(/\s+/).filter((word) => word !== '');
-    const isShown = (/** @type {{ text: string }} */ { text }) => wanted.every((word) => text.includes(word));
-    this.rows.forEach((row) => (row.row.hidden = !isShown(row)));
+    const isShown = (/** @type {number} */ light) => this.present.has(light) && wanted.every((word) => this.rows[light].text.includes(word));
+    this.rows.forEach((row, light) => (row.row.hidden = !isShown(light)));
     this.heads.forEach(({ head, lights, list, isFolded }) => {
-      head.hidden = !lights.some((light) => isShown(this.rowOf(light)));
+      head.hidden = !lights.some(isShown);
       list.hidden = isFolded && wanted.length === 0;
     });
   }
 
-  /** @param {number} light */
-  rowOf(light) {
-    return /** @type {{ row: HTMLElement, text: string }} */ (this.rows[light]);
+  /** Lists these lights alone. @param {number[]} places */
+  list(places) {
+    this.present = new Set(places);
+    this.search(this.words);
   }
 
   /** A button that is pressed or not. @param {string} label @param {string} sign @param {() => boolean} state @param {() => void} press */

@@ -101,6 +101,19 @@ export class Stage {
     this.place();
   }
 
+  /** Where the picture stands, to go back there. */
+  get standing() {
+    const { scale, x, y, fitted } = this;
+    return { scale, x, y, fitted };
+  }
+
+  /** @param {{ scale: number, x: number, y: number, fitted: boolean } | null} standing where it stood; null: it is fitted */
+  goTo(standing) {
+    if (!standing || standing.fitted) return this.fit();
+    Object.assign(this, standing);
+    this.place();
+  }
+
   /** One pixel of the picture on one of the screen. */
   one() {
     this.zoom(1 / (this.scale * window.devicePixelRatio));

@@ -16,7 +16,7 @@ import { gridOf } from './blocks.js';
  */
 /**
  * What hears of the data. `lost`: a chunk, or with no block a whole layer, that does not fit its checksum or never came.
- * @typedef {{ head: (head: Head) => void, chunk: (level: number, id: number, layer: number, bytes: Uint8Array) => void,
+ * @typedef {{ head: (head: Head) => void | Promise<void>, chunk: (level: number, id: number, layer: number, bytes: Uint8Array) => void,
  *   layerDone: (level: number, layer: number) => void, progress: (have: number, total: number) => void,
  *   lost: (level: number, layer: number, id: number | null, why: string) => void }} Listener
  */
@@ -193,7 +193,8 @@ export async function readShare(bytes, listener) {
   if (!packed) throw new Error('the head of the data is damaged');
   /** @type {Head} */
   const head = JSON.parse(new TextDecoder().decode(await inflate(packed)));
-  listener.head(head);
+  // What follows waits for whoever is not ready for it.
+  await listener.head(head);
   const total = source.taken + head.levels.flatMap((level) => level.layers)
     .reduce((sum, layer) => sum + layer.indexBytes + layer.chunkBytes, 0);
   for (const [level, { layers }] of head.levels.entries()) {

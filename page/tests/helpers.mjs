@@ -37,15 +37,15 @@ export const room = (() => {
 
 /**
  * A static server of the room's page on the loopback. `ranges`: whether it knows them; `data`: what it serves in place of the data;
- * `bytesPerSec`: how fast; `outage`: how often the data break off or are not to be had at all; `policy`: its Content-Security-Policy.
+ * `more`: further files by their paths; `bytesPerSec`: how fast; `outage`: how often the data break off or are not to be had at all; `policy`: its Content-Security-Policy.
  * `asked`: what was asked of it.
  */
-export async function serve({ page, data, ranges = true, bytesPerSec = 0, outage = 0, policy = '', whole = data }) {
+export async function serve({ page, data, more = {}, ranges = true, bytesPerSec = 0, outage = 0, policy = '', whole = data }) {
   const asked = [];
   const server = createServer(async (request, response) => {
     const { pathname } = new URL(request.url, 'http://localhost');
     asked.push({ path: pathname, range: request.headers.range });
-    const body = pathname === '/' || pathname === '/index.html' ? page : pathname === '/picture.lts' ? data : null;
+    const body = pathname === '/' || pathname === '/index.html' ? page : pathname === '/picture.lts' ? data : more[pathname];
     if (!body) return response.writeHead(404).end();
     if (body !== page && outage > 0) {
       const isFirst = asked.filter(({ path }) => path === pathname).length === 1;

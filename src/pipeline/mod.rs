@@ -64,7 +64,7 @@ pub use render::{
 };
 #[cfg(feature = "scene")]
 pub(crate) use render::{note_samples, samples_of_unfinished, settings_of, tracer_of, tracing_need};
-pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, share};
+pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, ShareView, data_name, share};
 pub use unpack::{
     ColumnWeights, Selection, UnpackOptions, UnpackSource, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store,
 };

@@ -24,19 +24,40 @@ const MOST_PIXELS: u32 = 1 << 18;
 const PREVIEW_DB: f64 = 46.0;
 /// Name of the page in its folder.
 pub const PAGE_NAME: &str = "index.html";
-/// Name of the data in the page's folder.
+/// Name of the data in the page's folder; see [`data_name`].
 pub const DATA_NAME: &str = "picture.lts";
+
+/// Name of the data of a view in the page's folder: [`DATA_NAME`] of the first, `picture-2.lts` of the second, and so on.
+pub fn data_name(view: usize) -> String {
+    if view == 0 { DATA_NAME.to_owned() } else { DATA_NAME.replace('.', &format!("-{}.", view + 1)) }
+}
+
+/// A container on a shared page.
+#[derive(Clone, Debug)]
+pub struct ShareView<'a> {
+    /// The container.
+    pub container: &'a ContainerReader,
+    /// Text of its tab, if there are several.
+    pub name: String,
+    /// Looks that the page offers. Those of the same name are one in all views.
+    pub looks: Vec<SharedLook>,
+    /// Groups of lights: name, and indices into the basis. A light is in at most one.
+    pub groups: Vec<(String, Vec<usize>)>,
+}
+
+impl<'a> ShareView<'a> {
+    /// A container by itself, without looks and groups.
+    pub fn of(container: &'a ContainerReader) -> Self {
+        Self { container, name: String::new(), looks: Vec::new(), groups: Vec::new() }
+    }
+}
 
 /// Options of a shared page.
 #[derive(Clone, Debug, Default)]
 pub struct ShareOptions {
     /// Title of the page.
     pub title: String,
-    /// Looks that the page offers.
-    pub looks: Vec<SharedLook>,
-    /// Groups of lights: name, and indices into the basis. A light is in at most one.
-    pub groups: Vec<(String, Vec<usize>)>,
-    /// Initial exposure of the page in stops; `None` for that of the window.
+    /// Initial exposure of the page in stops; `None` for that of the window over the first view.
     pub exposure_stops: Option<f32>,
     /// One HTML file with the data inside, instead of a folder.
     pub single: bool,
@@ -55,135 +76,183 @@ pub struct ShareReport {
     pub total_bytes: u64,
     /// Bytes of the page alone, without data.
     pub page_bytes: u64,
-    /// Bytes of the data.
+    /// Bytes of the first view's data.
     pub data: SharedBytes,
 }
 
-/// Writes a container as a web page: `index.html` and `picture.lts` in the folder `output`, which is created if needed,
-/// or a single HTML file `output`.
+/// Writes containers as a web page: `index.html` and the data of each ([`data_name`]) in the folder `output`, which is created if needed, or
+/// a single HTML file `output`. Several are views of one scene, which the page shows as tabs under one mix.
 ///
 /// # Errors
-/// The container holds only a range of blocks, or is damaged; files exist and may not be replaced; [`Error::Resources`]
+/// No view; a container holds only a range of blocks, or is damaged; files exist and may not be replaced; [`Error::Resources`]
 /// if the memory is too small; the system refuses to write. A file that existed is then unchanged, or replaced
 /// completely.
-///
-/// # Panics
-/// Never: data that were written without an error are counted.
 pub fn share(
-    container: &ContainerReader,
+    views: &[ShareView<'_>],
     output: &Path,
     options: &ShareOptions,
     watch: &dyn Progress,
 ) -> Result<ShareReport> {
-    let job = container.job();
-    if let Some(id) = job.shape.blocks().find(|&id| !container.has_block(id)) {
-        let problem = format!("holds a range of blocks only, without {id}");
-        return Err(Error::input("the container", problem, "merge it with the others first"));
-    }
-    let (page_path, data_path) = match options.single {
-        true => (output.to_owned(), None),
-        false => (output.join(PAGE_NAME), Some(output.join(DATA_NAME))),
+    let Some(first) = views.first() else {
+        return Err(Error::input("the page", "has no view", "name a container"));
     };
-    match &data_path {
-        Some(data_path) => {
-            if output.is_dir() {
-                check_output(data_path, options.overwrite)?;
-                check_output(&page_path, options.overwrite)?;
-            } else {
-                check_output(output, false)?;
-            }
+    for ShareView { container, name, .. } in views {
+        if let Some(id) = container.job().shape.blocks().find(|&id| !container.has_block(id)) {
+            let problem = format!("holds a range of blocks only, without {id}");
+            return Err(Error::input(place_of(name), problem, "merge it with the others first"));
         }
-        None => check_output(output, options.overwrite)?,
     }
-    let need = ResourceEstimate::of(&[&Sharing { container, single: options.single }]);
+    check_outputs(views.len(), output, options)?;
+    let need = ResourceEstimate::of(&[&Sharing { views, single: options.single }]);
     need.threads_within("sharing", options.memory_bytes)?;
 
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
-    let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes, watch)?;
-    let (small, whole) = (level_of(&preview)?, level_of(container)?);
+    let preview = |(index, view): (usize, &ShareView<'_>)| {
+        let path = folder.path().join(format!("preview{index}.ltc"));
+        preview_of(view.container, &path, options.memory_bytes, watch)
+    };
+    let previews = views.iter().enumerate().map(preview).collect::<Result<Vec<_>>>()?;
+    let mut levels = Vec::new();
+    for (view, preview) in views.iter().zip(&previews) {
+        levels.push((level_of(preview)?, level_of(view.container)?));
+    }
     // During a stage Ctrl-C returns an error instead of ending the process, so that the temporary folder is removed.
-    watch.begin("sharing", small.bytes() + whole.bytes(), "bytes");
-    let exposure_stops = match options.exposure_stops {
+    watch.begin("sharing", levels.iter().map(|(small, whole)| small.bytes() + whole.bytes()).sum(), "bytes");
+    let scene = Lighting::of_scene(&first.container.job().basis);
+    let exposure = match options.exposure_stops {
         Some(stops) => Ok(stops),
-        None => relight_streaming(container, &Lighting::of_scene(&job.basis)).map(|relit| exposure_for(&relit.0)),
+        None => relight_streaming(first.container, &scene).map(|relit| exposure_for(&relit.0)),
     };
-    let exposure_stops = exposure_stops.inspect_err(|_| watch.end())?;
-    let picture = SharedPicture {
-        title: &options.title,
-        job,
-        looks: &options.looks,
-        groups: &options.groups,
-        shrink: shrink_of(job.shape),
-        exposure_stops,
-        lumens_per_watt: lumens_per_watt(job),
-    };
-    let mut advance = |bytes: u64| {
-        watch.advance(bytes, bytes, "B");
-        match watch.interrupted() {
-            true => Err(interrupted()),
-            false => Ok(()),
-        }
-    };
-    let mut write = |path: &Path, out: &mut dyn Write| {
-        write_data(&picture, &small, &whole, out, &|error| Error::io(path, "write")(error), &mut advance)
-    };
-    let written = match &data_path {
-        Some(data_path) => {
-            let is_new = !output.is_dir();
-            if is_new {
-                let made = fs::create_dir(output).map_err(Error::io(output, "make the folder"));
-                made.inspect_err(|_| watch.end())?;
-            }
-            let mut bytes = None;
-            let written = replace(data_path, options.overwrite, |file| {
-                bytes = Some(write(data_path, file)?);
-                Ok(())
-            });
-            let html = page(&options.title, DATA_NAME);
-            let page_bytes = html.len() as u64;
-            written
-                .and_then(|()| write_file(&page_path, options.overwrite, html.as_bytes()))
-                .inspect_err(|_| {
-                    if is_new {
-                        // Kept if the data are in it already.
-                        let _ = fs::remove_dir(output);
-                    }
-                })
-                .map(|()| (bytes.expect("it was written"), page_bytes, page_bytes))
-        }
-        None => {
-            let mut data = Vec::new();
-            write(&page_path, &mut data).and_then(|bytes| {
-                let html = page_with_data(&options.title, &data);
-                let page_bytes = page_with_data(&options.title, &[]).len() as u64;
-                write_file(&page_path, options.overwrite, html.as_bytes())?;
-                Ok((bytes, page_bytes, html.len() as u64 - bytes.total))
-            })
-        }
-    };
+    let report = exposure.and_then(|exposure_stops| {
+        let sharing = Page { views, levels: &levels, exposure_stops, options, watch };
+        if options.single { sharing.write_file(output) } else { sharing.write_folder(output) }
+    });
     watch.end();
-    let (data, page_bytes, beside) = written?;
-    Ok(ShareReport { page: page_path, total_bytes: data.total + beside, page_bytes, data })
+    report
+}
+
+/// What an error calls a view.
+fn place_of(name: &str) -> String {
+    if name.is_empty() { "the container".into() } else { format!("the container '{name}'") }
+}
+
+/// Refuses to write over what may not be replaced.
+fn check_outputs(views: usize, output: &Path, options: &ShareOptions) -> Result<()> {
+    if options.single {
+        return check_output(output, options.overwrite);
+    }
+    if !output.is_dir() {
+        return check_output(output, false);
+    }
+    (0..views).try_for_each(|view| check_output(&output.join(data_name(view)), options.overwrite))?;
+    check_output(&output.join(PAGE_NAME), options.overwrite)
+}
+
+/// A page that is being written.
+struct Page<'a> {
+    views: &'a [ShareView<'a>],
+    /// Preview and picture of each view.
+    levels: &'a [(Level<'a>, Level<'a>)],
+    exposure_stops: f32,
+    options: &'a ShareOptions,
+    watch: &'a dyn Progress,
+}
+
+impl Page<'_> {
+    /// Writes the data of a view.
+    fn write_view(&self, view: usize, path: &Path, out: &mut dyn Write) -> Result<SharedBytes> {
+        let ShareView { container, looks, groups, .. } = &self.views[view];
+        let picture = SharedPicture {
+            title: &self.options.title,
+            job: container.job(),
+            looks,
+            groups,
+            shrink: shrink_of(container.job().shape),
+            exposure_stops: self.exposure_stops,
+            lumens_per_watt: lumens_per_watt(container.job()),
+        };
+        let mut advance = |bytes: u64| {
+            self.watch.advance(bytes, bytes, "B");
+            if self.watch.interrupted() { Err(interrupted()) } else { Ok(()) }
+        };
+        let (small, whole) = &self.levels[view];
+        write_data(&picture, small, whole, out, &|error| Error::io(path, "write")(error), &mut advance)
+    }
+
+    /// Writes the page and, beside it, the data.
+    fn write_folder(&self, output: &Path) -> Result<ShareReport> {
+        let (title, overwrite) = (&self.options.title, self.options.overwrite);
+        let is_new = !output.is_dir();
+        if is_new {
+            fs::create_dir(output).map_err(Error::io(output, "make the folder"))?;
+        }
+        let names: Vec<String> = (0..self.views.len()).map(data_name).collect();
+        let write = || {
+            let mut bytes = Vec::new();
+            for (view, name) in names.iter().enumerate() {
+                let path = output.join(name);
+                replace(&path, overwrite, |file| {
+                    bytes.push(self.write_view(view, &path, file)?);
+                    Ok(())
+                })?;
+            }
+            let named: Vec<_> = self.views.iter().zip(&names).map(|(view, file)| (&*view.name, &**file)).collect();
+            let html = page(title, &named);
+            let path = output.join(PAGE_NAME);
+            write_file(&path, overwrite, html.as_bytes())?;
+            let (data, page_bytes) = (bytes[0], html.len() as u64);
+            let total_bytes = bytes.iter().map(|own| own.total).sum::<u64>() + page_bytes;
+            Ok(ShareReport { page: path, total_bytes, page_bytes, data })
+        };
+        write().inspect_err(|_| {
+            if is_new {
+                // Kept if data are in it already.
+                let _ = fs::remove_dir(output);
+            }
+        })
+    }
+
+    /// Writes the page with the data inside.
+    fn write_file(&self, output: &Path) -> Result<ShareReport> {
+        let (mut all, mut bytes) = (Vec::new(), Vec::new());
+        for view in 0..self.views.len() {
+            let mut data = Vec::new();
+            bytes.push(self.write_view(view, output, &mut data)?);
+            all.push(data);
+        }
+        let named: Vec<_> = self.views.iter().zip(&all).map(|(view, data)| (&*view.name, &**data)).collect();
+        let html = page_with_data(&self.options.title, &named);
+        let bare: Vec<_> = named.iter().map(|(name, _)| (*name, &[][..])).collect();
+        let page_bytes = page_with_data(&self.options.title, &bare).len() as u64;
+        write_file(output, self.options.overwrite, html.as_bytes())?;
+        Ok(ShareReport { page: output.to_owned(), total_bytes: html.len() as u64, page_bytes, data: bytes[0] })
+    }
 }
 
 fn level_of(source: &ContainerReader) -> Result<Level<'_>> {
     Level::new(source, |id| (source.rank(id), source.sparse_entries(id)))
 }
 
-/// What sharing a container takes.
+/// What sharing containers takes.
 struct Sharing<'a> {
-    container: &'a ContainerReader,
+    views: &'a [ShareView<'a>],
     single: bool,
 }
 
 impl MemoryNeed for Sharing<'_> {
-    /// The index, an image, a block of the preview with its inputs and its compressor, and three copies of the data if they go
+    /// The indices, an image, a block of the preview with its inputs and its compressor, and three copies of the data if they go
     /// into the page.
     fn fixed_bytes(&self) -> u64 {
-        let shape = self.container.job().shape;
-        let block = (shape.max_block_rows() * (shape.columns() + 64) * 4) as u64;
-        let data = if self.single { 3 * self.container.file_bytes() } else { 0 };
-        self.container.fixed_bytes() + 2 * shape.rows() * 4 + 6 * block + data
+        let of_view = |view: &ShareView<'_>| {
+            let shape = view.container.job().shape;
+            let block = (shape.max_block_rows() * (shape.columns() + 64) * 4) as u64;
+            2 * shape.rows() * 4 + 6 * block
+        };
+        let kept = |view: &ShareView<'_>| {
+            let data = if self.single { 3 * view.container.file_bytes() } else { 0 };
+            view.container.fixed_bytes() + data
+        };
+        self.views.iter().map(of_view).max().unwrap_or(0) + self.views.iter().map(kept).sum::<u64>()
     }
 }
 
@@ -328,6 +397,10 @@ mod tests {
 
     #[test]
     fn names_are_those_that_the_page_asks_for() {
-        assert!(page("t", DATA_NAME).contains("content=\"picture.lts\""));
+        assert!(page("t", &[("", DATA_NAME)]).contains("content=\"picture.lts\">"));
+        let names = [data_name(0), data_name(1)];
+        assert_eq!(names, ["picture.lts", "picture-2.lts"]);
+        let two = page("t", &[("a", &names[0]), ("\"b\"", &names[1])]);
+        assert!(two.contains("content=\"picture-2.lts\" data-view=\"&quot;b&quot;\">"));
     }
 }

@@ -6,7 +6,7 @@ use super::base64::base64;
 use super::deflate;
 
 /// The modules in an order in which each stands behind those that it uses while the script is read.
-const MODULES: [(&str, &str); 14] = [
+const MODULES: [(&str, &str); 15] = [
     ("checksum.js", include_str!("../../page/src/checksum.js")),
     ("colour.js", include_str!("../../page/src/colour.js")),
     ("coder.js", include_str!("../../page/src/coder.js")),
@@ -18,6 +18,7 @@ const MODULES: [(&str, &str); 14] = [
     ("webgl.js", include_str!("../../page/src/webgl.js")),
     ("webgpu.js", include_str!("../../page/src/webgpu.js")),
     ("engine.js", include_str!("../../page/src/engine.js")),
+    ("view.js", include_str!("../../page/src/view.js")),
     ("mixer.js", include_str!("../../page/src/mixer.js")),
     ("stage.js", include_str!("../../page/src/stage.js")),
     ("main.js", include_str!("../../page/src/main.js")),
@@ -37,16 +38,28 @@ const FACTORS: &str = include_str!("../../shaders/factors.wgsl");
 /// Unpacks the script, a third of its size, and runs it: a browser that knows the data's compression knows the script's.
 const LOADER: &str = include_str!("../../page/src/loader.js");
 
-/// The page that fetches its data from a file of this name beside it.
-pub fn page(title: &str, data_name: &str) -> String {
-    assemble(title, &format!("<meta name=\"ltm-data\" content=\"{}\">", escaped(data_name)))
+/// The page that fetches its data from files beside it: for each view its name, which its tab shows if there are several, and its file's.
+pub fn page(title: &str, views: &[(&str, &str)]) -> String {
+    let meta = |(view, file): &(&str, &str)| {
+        let view = named(view, views.len());
+        format!("<meta name=\"ltm-data\" content=\"{}\"{view}>", escaped(file))
+    };
+    assemble(title, &views.iter().map(meta).collect::<String>())
 }
 
-/// The page with its data inside.
-pub fn page_with_data(title: &str, data: &[u8]) -> String {
+/// The page with its data inside, for each view its name and its data.
+pub fn page_with_data(title: &str, views: &[(&str, &[u8])]) -> String {
     // Of a type that no browser runs: a block of data.
-    let data = base64(data);
-    assemble(title, &format!("<script type=\"application/vnd.ltm.share\" id=\"ltm-data\">{data}</script>"))
+    let block = |(view, data): &(&str, &[u8])| {
+        let view = named(view, views.len());
+        format!("<script type=\"application/vnd.ltm.share\"{view}>{}</script>", base64(data))
+    };
+    assemble(title, &views.iter().map(block).collect::<String>())
+}
+
+/// The attribute that names one of so many views.
+fn named(view: &str, views: usize) -> String {
+    if views > 1 { format!(" data-view=\"{}\"", escaped(view)) } else { String::new() }
 }
 
 fn assemble(title: &str, data: &str) -> String {
@@ -161,10 +174,10 @@ mod tests {
 
     #[test]
     fn the_page_holds_no_foreign_address_and_no_end_of_a_script() {
-        let page = page("a <b>", "picture.lts");
+        let page = page("a <b>", &[("", "picture.lts")]);
         assert_eq!(page.matches("</script>").count(), 2);
         assert!(!script().contains("</script"));
-        assert!(page.contains("a &lt;b&gt;") && !page.contains("%policy%"));
+        assert!(page.contains("a &lt;b&gt;") && !page.contains("%policy%") && !page.contains("data-view"));
         let all = [page.as_str(), &script()].concat();
         for line in all.lines().filter(|line| line.contains("http") || line.contains("//")) {
             assert!(line.contains("http-equiv") || !line.contains("://"), "{line}");

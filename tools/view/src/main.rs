@@ -21,6 +21,7 @@ use ltm_view::{RelightOn, WindowOptions};
 #[command(name = "ltm view", version, after_help = format!("Examples:
   ltm view room.ltc
   ltm view hotel-lobby.ltc hotel-bar.ltc     views of one scene, as tabs under one mix
+  ltm view 'shot.####.ltc'                   the frames of an animation under one mix
   ltm view room.glb                          renders into room.ltc, mixed from the first seconds
   ltm view scene.toml --samples 256 --size 1024x768
 

@@ -23,6 +23,10 @@ pub(super) enum Action {
     LastTab,
     /// Close the tab in front.
     CloseTab,
+    /// Show the frame at this place of the animation.
+    Frame(usize),
+    NextFrame,
+    LastFrame,
     Reload,
     Quit,
     Png,
@@ -102,10 +106,21 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::ActualSize => document.front.view.viewport.one_to_one(context.pixels_per_point()),
         Action::ZoomIn => document.front.view.viewport.zoom_about([0.0; 2], 1.25),
         Action::ZoomOut => document.front.view.viewport.zoom_about([0.0; 2], 0.8),
+        // The frames of an animation that are open are no tabs.
+        Action::Tab(_) | Action::NextTab | Action::LastTab | Action::CloseTab if document.frames.is_some() => {}
         Action::Tab(tab) => document.show_tab(tab),
         Action::NextTab => document.step_tab(false),
         Action::LastTab => document.step_tab(true),
         Action::CloseTab => document.close_tab(document.at),
+        Action::Frame(_) | Action::NextFrame | Action::LastFrame => {
+            let shown = match action {
+                Action::Frame(at) => document.show_frame(context, at),
+                _ => document.step_frame(context, action == Action::LastFrame),
+            };
+            if let Err(error) = shown {
+                document.message = Some(Message::error(&error));
+            }
+        }
         Action::Undo => document.work.undo(),
         Action::Redo => document.work.redo(),
         Action::ResetLights => document.work.reset(),

@@ -39,6 +39,14 @@ pub(super) struct Opening {
     pub(super) work_of: Option<PathBuf>,
 }
 
+/// The frames of an animation, and which of them is in front.
+pub(super) struct Frames {
+    /// The number of each, and its container.
+    pub(super) list: Vec<(usize, PathBuf)>,
+    /// Place of the one in front.
+    pub(super) at: usize,
+}
+
 /// What all views of a scene share, the view in front, and those behind it. Each part stands in a file of its own and knows no other; what
 /// concerns several is done here and above.
 pub(super) struct Document {
@@ -66,6 +74,8 @@ pub(super) struct Document {
     /// The others, in the order of their tabs, and the place of the one in front among all.
     pub(super) behind: Vec<OpenView>,
     pub(super) at: usize,
+    /// The animation whose frames the views are, if they are.
+    pub(super) frames: Option<Frames>,
     /// Resources for further views.
     pub(super) opening: Opening,
 }
@@ -91,6 +101,7 @@ impl Document {
             lights,
             behind: Vec::new(),
             at: 0,
+            frames: None,
             opening,
         };
         document.share_memory();
@@ -115,7 +126,7 @@ impl Document {
             view.files.go_on(old.files);
         }
         self.set_display(old.display);
-        (self.editor, self.daylight) = (old.editor, old.daylight);
+        (self.editor, self.daylight, self.frames) = (old.editor, old.daylight, old.frames);
         let lost = match lost {
             0 => String::new(),
             1 => "; one light is no longer there".to_owned(),

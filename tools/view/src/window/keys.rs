@@ -25,13 +25,15 @@ const CTRL: Modifiers = Modifiers::COMMAND;
 const ALT: Modifiers = Modifiers::ALT;
 
 /// All keys but the numbers. Where two differ in their modifiers only, the one with more comes first.
-pub(super) const BINDINGS: [Binding; 61] = [
+pub(super) const BINDINGS: [Binding; 63] = [
     bind(CTRL.plus(SHIFT), Key::O, Action::AddView, "Ctrl+Shift+O", "Open containers beside this view, as tabs"),
     bind(CTRL, Key::O, Action::Open, "Ctrl+O", "Open a container, or several as tabs"),
     bind(CTRL.plus(SHIFT), Key::Tab, Action::LastTab, "", ""),
     bind(CTRL, Key::Tab, Action::NextTab, "Ctrl+Tab / Ctrl+Shift+Tab", "Next or previous tab"),
     bind(CTRL, Key::PageUp, Action::LastTab, "", ""),
     bind(CTRL, Key::PageDown, Action::NextTab, "", ""),
+    bind(NONE, Key::PageUp, Action::LastFrame, "", ""),
+    bind(NONE, Key::PageDown, Action::NextFrame, "Page down / Page up", "Next or previous frame of an animation"),
     bind(CTRL, Key::W, Action::CloseTab, "Ctrl+W", "Close the tab"),
     bind(CTRL, Key::R, Action::Reload, "Ctrl+R or F5", "Reload it, with your mix"),
     bind(NONE, Key::F5, Action::Reload, "", ""),

@@ -16,6 +16,7 @@ mod features_panel;
 mod features_view;
 mod file_jobs;
 mod file_reading;
+mod frames;
 mod keys;
 mod layout;
 mod light_list;

@@ -219,7 +219,7 @@ fn draw_corner(ui: &Ui, document: &mut Document, response: &egui::Response, plac
 fn draw(ui: &Ui, document: &Document, place: &Place) {
     let (rect, picture) = (place.view, place.picture);
     let painter = ui.painter().with_clip_rect(rect);
-    let Some(texture) = document.front.shown.id() else {
+    let Some(texture) = document.front.shown.drawn() else {
         let read = document.front.shown.progress.base;
         let text = format!("Reading {:.0} %", read * 100.0);
         painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(14.0), WEAK);

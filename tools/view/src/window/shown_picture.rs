@@ -56,6 +56,8 @@ pub(super) struct ShownPicture {
     /// What its texture is called.
     name: String,
     texture: Option<TextureHandle>,
+    /// What is drawn until there is a picture.
+    stand_in: Option<TextureHandle>,
     /// The device's own texture, instead of the other, where the device shows the pictures.
     screen: Option<ScreenTexture>,
     /// The device that draws the window.
@@ -80,6 +82,7 @@ impl ShownPicture {
             is_smooth: false,
             name,
             texture: None,
+            stand_in: None,
             screen: None,
             state,
             arrivals: VecDeque::new(),
@@ -91,6 +94,7 @@ impl ShownPicture {
         self.progress = picture.progress;
         (self.seen, self.pictures) = (picture.generation, self.pictures + 1);
         self.count_arrival();
+        self.stand_in = None;
         match (picture.seen, &self.state) {
             (Seen::Bytes(shown, image), _) => {
                 let filter = if self.is_smooth { egui::TextureFilter::Linear } else { egui::TextureFilter::Nearest };
@@ -113,6 +117,21 @@ impl ShownPicture {
     pub(super) fn id(&self) -> Option<TextureId> {
         let in_memory = || self.texture.as_ref().map(TextureHandle::id);
         self.screen.as_ref().map(ScreenTexture::id).or_else(in_memory)
+    }
+
+    /// The texture to draw: that of another picture while there is none of this.
+    pub(super) fn drawn(&self) -> Option<TextureId> {
+        self.id().or(self.stand_in.as_ref().map(TextureHandle::id))
+    }
+
+    /// The texture itself, where it is in the memory of the CPU.
+    pub(super) fn handle(&self) -> Option<TextureHandle> {
+        self.texture.clone().or(self.stand_in.clone())
+    }
+
+    /// Draws another picture until there is one.
+    pub(super) fn stand_in(&mut self, other: Option<TextureHandle>) {
+        self.stand_in = other.filter(|_| self.id().is_none());
     }
 
     /// The value of a pixel.

@@ -23,9 +23,9 @@ impl Document {
 
     /// The tab of a container's file, if it is open.
     pub(super) fn tab_of(&self, path: &Path) -> Option<usize> {
-        let is_same =
-            |other: &Path| other == path || std::fs::canonicalize(other).ok() == std::fs::canonicalize(path).ok();
-        self.views().position(|view| is_same(&view.session.path))
+        let real = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let wanted = real(path);
+        self.views().position(|view| real(&view.session.path) == wanted)
     }
 
     /// Opens a container as a further view, behind the one in front; its lights join the mix.

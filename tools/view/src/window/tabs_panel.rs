@@ -1,14 +1,17 @@
 //! The row of tabs: the views of the scene under one mix.
 
-use eframe::egui::{self, Button, RichText, Ui};
+use eframe::egui::{self, Button, RichText, Slider, Ui};
 
 use super::actions::Action;
-use super::document::Document;
+use super::document::{Document, Frames};
 use super::theme::{ACCENT, TEXT, WEAK};
 use ltm::resources::human_bytes;
 
 /// Shows the tabs, if there are several; what is asked for.
 pub(super) fn tabs(ui: &mut Ui, document: &mut Document, frame: egui::Frame) -> Option<Action> {
+    if let Some(frames) = &document.frames {
+        return frame_slider(ui, frames, frame);
+    }
     if document.behind.is_empty() {
         return None;
     }
@@ -48,4 +51,21 @@ pub(super) fn tabs(ui: &mut Ui, document: &mut Document, frame: egui::Frame) -> 
         document.close_tab(tab);
     }
     action
+}
+
+/// A slider over the frames of an animation; what is asked for.
+fn frame_slider(ui: &mut Ui, frames: &Frames, frame: egui::Frame) -> Option<Action> {
+    let mut at = frames.at;
+    egui::Panel::top("frames").frame(frame).show(ui, |ui| {
+        ui.horizontal(|ui| {
+            let text = format!("Frame {}  ({} of {})", frames.list[frames.at].0, frames.at + 1, frames.list.len());
+            let width = ui.available_width();
+            ui.label(RichText::new(text).color(TEXT));
+            ui.spacing_mut().slider_width = (width - 220.0).max(80.0);
+            let slider = ui.add(Slider::new(&mut at, 0..=frames.list.len() - 1).show_value(false));
+            slider.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "frame"));
+            slider.on_hover_text("The frames under your mix (Page down, Page up)");
+        });
+    });
+    (at != frames.at).then_some(Action::Frame(at))
 }

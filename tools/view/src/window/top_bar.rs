@@ -27,6 +27,7 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             }
         };
         let shown = document.front.shown.image.is_some();
+        let has_tabs = document.frames.is_none() && !document.behind.is_empty();
         let comparing = document.front.compare.snapshots.compared().is_some();
         ui.menu_button("File", |ui| {
             ui.set_min_width(250.0);
@@ -37,7 +38,7 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                 }
             });
             item(ui, &mut choice, Action::AddView, "Add view…", true);
-            item(ui, &mut choice, Action::CloseTab, "Close the tab", !document.behind.is_empty());
+            item(ui, &mut choice, Action::CloseTab, "Close the tab", has_tabs);
             item(ui, &mut choice, Action::Reload, "Reload, keeping your mix", true);
             ui.separator();
             item(ui, &mut choice, Action::Png, "Picture as PNG…", shown);
@@ -75,8 +76,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
         });
         ui.menu_button("View", |ui| {
             ui.set_min_width(250.0);
-            item(ui, &mut choice, Action::NextTab, "Next tab", !document.behind.is_empty());
-            item(ui, &mut choice, Action::LastTab, "Previous tab", !document.behind.is_empty());
+            item(ui, &mut choice, Action::NextTab, "Next tab", has_tabs);
+            item(ui, &mut choice, Action::LastTab, "Previous tab", has_tabs);
             ui.separator();
             item(ui, &mut choice, Action::Fit, "Fit", true);
             item(ui, &mut choice, Action::ActualSize, "Actual size", true);

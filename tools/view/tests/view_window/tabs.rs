@@ -12,7 +12,7 @@ use super::driver::Driver;
 use super::{CTRL, container, real};
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 9] = [
+pub(crate) const TESTS: [(&str, fn()); 10] = [
     (
         "a_switch_in_one_tab_is_seen_in_the_frame_that_shows_the_other",
         a_switch_in_one_tab_is_seen_in_the_frame_that_shows_the_other,
@@ -31,6 +31,7 @@ pub(crate) const TESTS: [(&str, fn()); 9] = [
     ("several_files_are_chosen_together", several_files_are_chosen_together),
     ("what_memory_has_no_room_for_is_read_when_it_is_shown", what_memory_has_no_room_for_is_read_when_it_is_shown),
     ("reload_keeps_the_tabs", reload_keeps_the_tabs),
+    ("frames_of_an_animation_are_gone_through_under_one_mix", frames_of_an_animation_are_gone_through_under_one_mix),
 ];
 
 /// Tests that need hands on a real window.
@@ -313,6 +314,47 @@ fn reload_keeps_the_tabs() {
     assert_eq!((driver.title(), lit(&driver, 3), driver.has("100 %")), ("● bar.ltc – ltm", vec![0, 2], true));
     driver.key(Key::Tab, CTRL);
     assert_eq!((lit(&driver, 2), driver.has("100 %")), (vec![0], false));
+}
+
+fn frames_of_an_animation_are_gone_through_under_one_mix() {
+    let folder = tempfile::tempdir().unwrap();
+    // A lamp that goes through the picture, before one that stands.
+    let path = |frame: usize| folder.path().join(format!("shot.{frame:04}.ltc"));
+    for frame in 7..19 {
+        let lamps = if frame % 2 == 0 { ["car", "house"] } else { ["house", "car"] };
+        container::write_lamps(&path(frame), &lamps);
+    }
+    let mut driver = Driver::open(&folder.path().join("shot.####.ltc"));
+    driver.find("Frame 7  (1 of 12)");
+    press(&mut driver, "car, on");
+    assert_eq!((driver.title(), lit(&driver, 2)), ("● shot.0007.ltc – ltm", vec![0]));
+    driver.key(Key::Num0, CTRL);
+    for frame in 8..19 {
+        driver.key(Key::PageDown, Modifiers::NONE);
+        // There is always a picture, if not at once its own.
+        driver.find("100 %");
+        driver.settle();
+        assert_eq!(lit(&driver, 2), [usize::from(frame % 2 == 0)], "frame {frame}");
+        driver.find(&format!("Frame {frame}  ({} of 12)", frame - 6));
+    }
+    driver.key(Key::PageDown, Modifiers::NONE);
+    driver.settle();
+    assert_eq!(driver.title(), "● shot.0018.ltc – ltm", "that was the last");
+    driver.key(Key::Z, CTRL);
+    driver.settle();
+    let slider = driver.find("frame");
+    driver.click(slider.left_center() + vec2(2.0, 0.0));
+    driver.settle();
+    assert_eq!((driver.title(), lit(&driver, 2)), ("shot.0007.ltc – ltm", vec![0, 1]));
+    std::fs::remove_file(path(8)).unwrap();
+    driver.key(Key::PageDown, Modifiers::NONE);
+    driver.settle();
+    assert_eq!(driver.title(), "shot.0007.ltc – ltm");
+    driver.find_containing("shot.0008.ltc");
+    let mut driver =
+        Driver::unseen_with(WindowOptions { path: Some(folder.path().join("none.##.ltc")), ..Default::default() });
+    driver.settle();
+    driver.find_containing("no file has such a name");
 }
 
 /// Hands drag a fader over one view, go to the other by a key, and save its picture: it is lit by the look that is saved there.

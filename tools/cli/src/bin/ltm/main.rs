@@ -91,6 +91,7 @@ enum Command {
     #[command(after_help = "Examples:
   ltm share room.ltc -o site                    a folder to put on a static host
   ltm share room.ltc -o site --lighting looks.toml --title 'Meeting room'
+  ltm share hotel-lobby.ltc hotel-bar.ltc -o site   views of one scene, as tabs under one mix
   ltm share room.ltc -o room.html --single      one file to send")]
     Share(share::Share),
     /// Open a container in a window, a mixer for its lights, or render a scene in it and mix meanwhile. A program of its own, ltm-view.

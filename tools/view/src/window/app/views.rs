@@ -12,13 +12,18 @@ use crate::window::file_jobs::name_of;
 use crate::window::message::Message;
 use ltm::error::{Error, Result};
 use ltm::scene::is_scene_file;
+use ltm_cli::sequence;
 
 impl App {
     /// Opens containers as views of one scene, or one scene, instead of what is open, whose work is not kept.
     pub fn open_all(&mut self, context: &egui::Context, paths: &[PathBuf]) {
         let [first, others @ ..] = paths else { return };
         if others.is_empty() {
-            self.open(context, first);
+            match sequence::frames(first, None) {
+                Ok(Some(frames)) => self.open_frames(context, frames),
+                Ok(None) => drop(self.open(context, first)),
+                Err(error) => self.refuse(context, error),
+            }
             return;
         }
         if let Some(scene) = paths.iter().find(|path| is_scene_file(path)) {
@@ -29,9 +34,25 @@ impl App {
         }
     }
 
+    /// Opens the containers of an animation's frames.
+    fn open_frames(&mut self, context: &egui::Context, frames: Vec<(usize, PathBuf)>) {
+        if let Some((_, scene)) = frames.iter().find(|(_, path)| is_scene_file(path)) {
+            return self.refuse(context, is_no_view(scene));
+        }
+        if self.open(context, &frames[0].1)
+            && let Some(document) = &mut self.document
+        {
+            document.go_through(frames);
+        }
+    }
+
     /// Asks for containers to be opened beside the view in front.
     pub(super) fn choose_views(&mut self, context: &egui::Context) {
         let Some(document) = &mut self.document else { return };
+        if document.frames.is_some() {
+            document.message = Some(Message::info("An animation is gone through by itself; open views without it"));
+            return;
+        }
         if self.rendering.is_some() {
             let text =
                 "A scene that is rendered stands alone; open its container when it is finished, and others beside it";
@@ -92,7 +113,10 @@ impl App {
 
     /// The same views in the same order, with the same one in front.
     fn opened_again(&self, context: &egui::Context, old: &Document) -> Result<Document> {
-        let paths: Vec<&Path> = old.views().map(|view| view.session.path.as_path()).collect();
+        let mut paths: Vec<&Path> = old.views().map(|view| view.session.path.as_path()).collect();
+        if old.frames.is_some() {
+            paths = vec![&old.front.session.path];
+        }
         let mut document = Document::open(context, paths[0], self.opening.clone())?;
         for path in &paths[1..] {
             document.add_view(context, path)?;
