@@ -55,7 +55,7 @@
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix`, `resources` |
 //! | `light` | `error`, `encoding`, `sections`, `matrix` |
-//! | `daylight` | `error`, `files`, `light` |
+//! | `daylight` | `error`, `files`, `light`, `image` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `decimal`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene`, `resources` |

@@ -30,7 +30,7 @@ pub(crate) struct SecondPass {
 }
 
 /// A block as it is stored.
-pub(crate) struct CodedBlock {
+pub(crate) struct FinishedBlock {
     pub(crate) encoded: EncodedBlock,
     /// What a reader will get.
     pub(crate) stored: FactoredBlock,
@@ -54,14 +54,14 @@ impl SecondPass {
     ///
     /// # Errors
     /// Those of reading the candidate and of the codec.
-    pub(crate) fn code(&self, id: BlockId, analysed: &Analysed, encoder: &BlockEncoder) -> Result<CodedBlock> {
+    pub(crate) fn code(&self, id: BlockId, analysed: &Analysed, encoder: &BlockEncoder) -> Result<FinishedBlock> {
         let (candidate, residual) = analysed.read(id)?;
         let factored = self.kept_of(&candidate, &self.cut);
         let encoded = encoder.encode_divided(id, &factored)?;
         let stored = encoder.decode(id, &encoded)?;
         let (report, columns) = residual.report(&candidate.whole(), &stored);
         let written = WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report };
-        Ok(CodedBlock { encoded, stored, written, columns })
+        Ok(FinishedBlock { encoded, stored, written, columns })
     }
 
     /// The factors that a cut keeps of a candidate, with their step refinement.

@@ -77,7 +77,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let names =
             ["shot.0010.exr", "shot.0009.exr", "shot.12345.exr", "shot.001.exr", "shot.0x10.exr", "shot.0011.png"];
-        names.map(|name| std::fs::write(folder.path().join(name), "").unwrap());
+        names.iter().for_each(|name| std::fs::write(folder.path().join(name), "").unwrap());
         let pattern = folder.path().join("shot.####.exr");
         let numbers = |range: Option<Range<usize>>| {
             let found = frames(&pattern, range.as_ref()).unwrap().unwrap();
