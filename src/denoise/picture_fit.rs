@@ -11,6 +11,8 @@ use crate::matrix::MatrixShape;
 
 /// Relative error of a light's picture from which on most of it is noise.
 const MOSTLY_NOISE: f32 = 0.5;
+/// Share below which such a picture counts no brighter.
+const MIN_NOISY_SHARE: f64 = 1e-3;
 
 /// Sums over a denoised block.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -93,7 +95,7 @@ impl PictureSums {
     }
 
     /// Displays show about a root of radiance, so that of a light which is bright in one corner the rest of its picture counts (decision 73). Lights
-    /// of one group share its brightness by their means. A light of whose picture most is noise counts as one among others only: 0.
+    /// of one group share its brightness by their means. The brightness of a picture that is mostly noise is its mean.
     fn brightness(&self, basis: &LightBasis, map: &[f32], errors: Option<&[DenoisedLight]>) -> Vec<f64> {
         let (groups, of_light) = (self.groups.count(), self.groups.of_light());
         let mut roots = vec![0.0f64; groups + 1];
@@ -109,7 +111,7 @@ impl PictureSums {
         };
         let brightness = of_light.iter().map(|&group| usize::from(group)).zip(means).enumerate();
         let brightness = brightness.map(|(light, (group, mean))| match is_noise(light) {
-            true => 0.0,
+            true => mean.max(MIN_NOISY_SHARE),
             false => {
                 let root = roots[group] / roots[groups].max(f64::MIN_POSITIVE);
                 root * root * mean / of_group[group].max(f64::MIN_POSITIVE)

@@ -83,8 +83,8 @@ impl LightingPrior {
 
     /// The prior with each light alone added, exposed as all of them together are. An image under one lamp counts as
     /// much as one under all, however little of it is visible. A textured light alone gets every lighting of its
-    /// texels' prior. `shares` are the lights' shares of the brightness of the image with all on; a light of share 0 is not added.
-    /// With a single light nothing changes.
+    /// texels' prior. `shares` are the lights' shares of the brightness of the image with all on. With a single light
+    /// nothing changes.
     ///
     /// # Panics
     /// If there are not as many shares as lights.
@@ -96,8 +96,7 @@ impl LightingPrior {
         }
         let sites = sites(basis);
         // How much more a light counts by being alone; sites of a group of texels are those of one light.
-        let alone = |share: &f64| if *share > 0.0 { share.max(MIN_SHARE).powi(-2) } else { 0.0 };
-        let added: Vec<f64> = shares.iter().map(|share| alone(share) / lights.len() as f64).collect();
+        let added: Vec<f64> = shares.iter().map(|share| share.max(MIN_SHARE).powi(-2) / lights.len() as f64).collect();
         let mut painted = vec![0.0; sites.iter().map(|site| site.group as usize + 1).max().unwrap_or(0)];
         for (light, added) in lights.iter().zip(&added).filter(|(light, _)| light.places.len() > 1) {
             painted[sites[light.columns().start as usize].group as usize] = PAINTED * added;

@@ -276,17 +276,14 @@ fn what_is_partly_there_has_its_share_of_the_features() {
     sky(&mut builder);
     let mut scene = builder.build();
     scene.materials.last_mut().unwrap().opacity = 0.25;
-    let (mut nearer, mut pixels) = (0, 0);
     for (block, _) in trace(scene, settings(4, 3)) {
         let planes = planes(&block);
+        assert!(planes.variance(Feature::Albedo).iter().all(|variance| *variance > 1e-4), "samples met both surfaces");
         for feature in [Feature::PixelAlbedo, Feature::Normal, Feature::Surface] {
             assert!(planes.variance(feature).iter().all(|variance| *variance < 1e-9), "{feature:?}");
         }
         assert!(planes.feature(Feature::PixelAlbedo).iter().all(|albedo| (albedo - 0.45).abs() < 1e-5));
         // A quarter of 1.5 and three quarters of 2, and a little more towards the corners.
         assert!(planes.feature(Feature::Depth).iter().all(|depth| (1.874..1.93).contains(depth)));
-        pixels += planes.pixels();
-        nearer += planes.feature(Feature::Albedo)[..planes.pixels()].iter().filter(|albedo| **albedo > 0.5).count();
     }
-    assert!(nearer > 0 && nearer < pixels, "the light of {nearer} of {pixels} pixels met the nearer surface mostly");
 }
