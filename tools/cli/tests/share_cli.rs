@@ -33,7 +33,7 @@ fn a_page_is_written_once_and_again_only_by_force() {
 
     let single = folder.path().join("room.html");
     let (code, ..) = outcome(ltm().arg("share").arg(golden("v1-coding-3.ltc")).arg("--single").arg("-o").arg(&single));
-    assert!(code == 0 && std::fs::read_to_string(single).unwrap().contains("id=\"ltm-data\""));
+    assert!(code == 0 && std::fs::read_to_string(single).unwrap().contains("type=\"application/vnd.ltm.share\""));
 }
 
 #[test]

@@ -360,18 +360,22 @@ fn frames_of_an_animation_are_gone_through_under_one_mix() {
 /// Hands drag a fader over one view, go to the other by a key, and save its picture: it is lit by the look that is saved there.
 fn a_real_window_shows_two_views_under_one_mix() {
     const SCRIPT: &str = r#"
-        save() { xdotool key "$1"; sleep 1; xdotool key ctrl+a; xdotool type --delay 20 "$2"; sleep 0.3
-                 xdotool key Return; wait_for "$2"; }
+        save() { xdotool key "$1"; sleep 3; xdotool key ctrl+a; sleep 0.5; xdotool type --delay 40 "$2"; sleep 1
+                 xdotool key Return; wait_for "$2"; sleep 1; }
         "$VIEWER" --act-as-viewer "$CONTAINER" & viewer=$!
         window=$(xdotool search --sync --onlyvisible --name "front.ltc" | tail -1)
-        sleep 2
-        xdotool windowfocus "$window"; sleep 0.5
+        sleep 4
+        xdotool windowfocus "$window"; sleep 1
         eval "$(xdotool getwindowgeometry --shell "$window")"
         x=$((X + FADER_X)); y=$((Y + FADER_Y))
-        xdotool mousemove $x $y; sleep 0.2; xdotool mousedown 1
-        for i in 3 6 9 12 15; do sleep 0.1; xdotool mousemove $((x - i)) $y; done
-        sleep 0.2; xdotool mouseup 1; sleep 0.5
-        xdotool key ctrl+Tab; sleep 0.5
+        # A window that is not drawn yet may miss the pointer; its title says when something has changed.
+        for attempt in 1 2 3 4 5; do
+            xdotool mousemove $x $y; sleep 0.5; xdotool mousedown 1
+            for i in 3 6 9 12 15; do sleep 0.3; xdotool mousemove $((x - i)) $y; done
+            sleep 0.5; xdotool mouseup 1; sleep 2
+            case "$(xdotool getwindowname "$window")" in ●*) break;; esac
+        done
+        xdotool key ctrl+Tab; sleep 2
         save ctrl+s "$PNG"
         save ctrl+k "$LOOK"
         xdotool key ctrl+q
