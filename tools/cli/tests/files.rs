@@ -370,7 +370,7 @@ fn a_program_that_is_refused_memory_says_so_in_one_line() {
     let folder = room();
     let at = folder.path();
     let mut refused = 0;
-    for mebibytes in [150, 200, 300, 6000] {
+    for mebibytes in [60, 80, 150, 200, 300, 6000] {
         let script =
             format!("ulimit -v {} && {} room.ltm -o o.ltc --force", mebibytes << 10, env!("CARGO_BIN_EXE_ltm-pack"));
         let output = Command::new("sh").args(["-c", &script]).current_dir(at).output().unwrap();
