@@ -464,7 +464,7 @@ fn measure_decoded(container: &ContainerReader, case: &str, figures: &mut Figure
     ];
     let held = coded.factor_bytes() as f64;
     println!(
-        "{} rows × {columns} columns, mean rank {:.1}, blocks of {}: {:.2} MB in the file; in memory {:.2} MB, of which left          sides take some {:.2}; decoded {:.2} MB, right sides {:.2}",
+        "{} rows × {columns} columns, mean rank {:.1}, blocks of {}: {:.2} MB in the file; in memory {:.2} MB, of which left sides take some {:.2}; decoded {:.2} MB, right sides {:.2}",
         shape.rows(),
         coded.mean_rank(),
         shape.block_side(),

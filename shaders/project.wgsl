@@ -1,4 +1,4 @@
-// y = s (R l) for the three channels; twin of src/relight/right.rs.
+// y = s (R l) for the three channels; twin of src/relight/project.rs (the products: right.rs).
 // One workgroup for each component: its threads share the cells and add up in workgroup memory.
 
 var<workgroup> sums: array<vec3<f32>, THREADS>;

@@ -1,4 +1,4 @@
-// y = s (R l), as shaders/project.wgsl, where threads add up within their subgroups first; twin of src/relight/right.rs.
+// y = s (R l), as shaders/project.wgsl, where threads add up within their subgroups first; twin of src/relight/project.rs (the products: right.rs).
 
 // One sum for each subgroup: a subgroup may be as small as one thread.
 var<workgroup> sums: array<vec3<f32>, THREADS>;

@@ -75,6 +75,8 @@ class Page {
     this.asked = null;
     this.fragment = '';
     this.lastState = '';
+    /** What was told last, beside the damage of views. */
+    this.notice = '';
     this.linkTimer = 0;
     this.picture = byId('picture');
     const canvas = /** @type {HTMLCanvasElement} */ (this.picture);
@@ -437,16 +439,22 @@ class Page {
 
   /** @param {string} problem */
   tell(problem) {
+    this.notice = problem;
     byId('damage').textContent = problem;
     byId('damage').hidden = false;
   }
 
-  /** Says what is damaged of the view. */
+  /** Says what is damaged of the view; of one without damage, what was told last. */
   showDamage() {
     if (document.body.dataset.state === 'failed') return;
     const list = Array.from(this.view.damage.values());
     const box = byId('damage');
-    if (list.length === 0) return;
+    if (list.length === 0) {
+      // What stands there already is not to be read aloud once more.
+      if (box.textContent !== this.notice) box.textContent = this.notice;
+      box.hidden = this.notice === '';
+      return;
+    }
     box.hidden = false;
     const shown = list.slice(0, 20).map((line) => make('li', {}, line));
     if (list.length > shown.length) shown.push(make('li', {}, `and ${list.length - shown.length} more`));
@@ -507,6 +515,9 @@ async function run() {
   try {
     const opened = await Promise.allSettled(sources.map(({ own, bytes }) => openView(own.getAttribute('data-view') ?? '', bytes, {
       came: (view) => page?.came(view),
+      progressed: (view) => {
+        if (page && view === page.view) page.showState();
+      },
       ended: (view, problem) => page?.ended(view, problem),
     })));
     const views = opened.flatMap((one) => (one.status === 'fulfilled' ? [one.value] : []));

@@ -78,10 +78,11 @@ export class View {
 }
 
 /**
- * Opens a view: its head comes at once, what follows once it is seen. `news` hears of what comes, and of the end or why there is none.
+ * Opens a view: its head comes at once, what follows once it is seen. `news` hears of what comes, of how much has come, and of the end or why
+ * there is none.
  * @param {string} name
  * @param {FetchedBytes | EmbeddedBytes} bytes
- * @param {{ came: (view: View) => void, ended: (view: View, problem: string | null) => void }} news
+ * @param {{ came: (view: View) => void, progressed: (view: View) => void, ended: (view: View, problem: string | null) => void }} news
  * @returns {Promise<View>}
  */
 export function openView(name, bytes, news) {
@@ -96,7 +97,7 @@ export function openView(name, bytes, news) {
       layerDone: () => news.came(known()),
       progress: (have, total) => {
         known().loaded = have / total;
-        news.came(known());
+        news.progressed(known());
       },
       lost: (level, layer, id, why) => {
         known().lost(level, layer, id, why);

@@ -9,6 +9,8 @@ pub(crate) use records::Records;
 pub(crate) use shard::ShardSet;
 #[cfg(feature = "scene")]
 pub(crate) use shard::{Opener, Shard, ShardContent, ShardHead, hex, plan_prefix, range_prefix};
+#[cfg(feature = "scene")]
+pub(crate) use spill::spill_path;
 pub(crate) use spill::{
     DENOISED, GATHERED, GATHERED_PARTS, files_of_pack, open_spill, remove_leftovers, stop_if_interrupted,
 };

@@ -12,6 +12,7 @@
 
 use super::candidate::{Candidate, CandidateSummary, percentile};
 use super::{AUTOMATIC_DB, AUTOMATIC_MAX_DB, CompressSettings, Target};
+use crate::encoding::{Decode, Encode};
 use crate::matrix::FactoredBlock;
 
 /// Bits of a sparse entry: about twelve for its position, the rest for its value.
@@ -40,7 +41,7 @@ const FINEST_STEP: f64 = 1.0 / 2048.0;
 const MIN_SLOPE: f64 = 1e-22;
 
 /// The common choice for all blocks.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct Cut {
     /// The slope λ: weighted squared radiance for each bit.
     pub slope: f64,

@@ -12,7 +12,7 @@ use super::codec::{claims, stored_band_steps};
 use super::format::{BlockRecord, ContainerHeader, HEADER_BYTES, HEADER_MAGIC, TRAILER_BYTES, Trailer};
 use super::index::{Index, PIECE_BYTES};
 use super::layers::{join_coded, join_layers};
-use super::layout::{BlockLayout, LightLayout, LightPlane};
+use super::layout::{BlockLayout, LightLayout};
 use super::metadata::{self, Metadata};
 use super::report::ContainerReport;
 use super::spill::Spill;
@@ -33,9 +33,9 @@ const TAIL_MAX: u64 = 1 << 26;
 const FREE_TAIL_BYTES: u64 = 64 << 20;
 const EARNED_PER_STORED_BYTE: u64 = 64;
 
-/// Memory of right sides for each byte that they have in the file, at most. A coefficient that is not 0 takes 2 bytes, and in the
-/// file no less than 2.38 bits: its sign, and what the likeliest of the code's distributions has for ±1. A larger one
-/// takes as many bits more as it takes memory.
+/// Memory of right sides for each byte that they have in the file, at most. A coefficient that is not 0 takes 2 bytes as an entry, and in
+/// the file no less than 2.38 bits: its sign, and what the likeliest of the code's distributions has for ±1. Among zeros that are
+/// kept with it it takes up to 3, and no less than 3.7 bits. A larger one takes as many bits more as it takes memory.
 const RIGHT_BYTES_PER_STORED_BYTE: u64 = 7;
 
 const CUT_SHORT: &str = "make it again, or fetch it again if it was copied";
@@ -188,7 +188,7 @@ impl ContainerReader {
     /// [`RIGHT_BYTES_PER_STORED_BYTE`], beside a table.
     pub fn factors_bytes(&self) -> u64 {
         let shape = self.job.shape;
-        let tiles = self.column_tiles();
+        let tiles = ColumnTransform::new(self.column_planes(), &[]).tiles().len();
         let block = |id| {
             let rank = self.rank(id);
             let stored = self.encoded_bytes(id, 0..self.layer_count(id));
@@ -200,13 +200,9 @@ impl ContainerReader {
         shape.blocks().map(block).sum()
     }
 
-    /// Tiles of the transform of right sides.
-    fn column_tiles(&self) -> usize {
-        let cut = |plane: &LightPlane| match plane.is_image {
-            true => plane.across.div_ceil(32) * plane.down.div_ceil(32),
-            false => plane.across.div_ceil(1024),
-        };
-        self.lights.planes().iter().map(cut).sum()
+    /// The planes that right sides are transformed in: across, down, and whether they are images.
+    fn column_planes(&self) -> impl Iterator<Item = (usize, usize, bool)> {
+        self.lights.planes().iter().map(|plane| (plane.across, plane.down, plane.is_image))
     }
 
     /// The whole of a block: all its layers.
@@ -448,13 +444,14 @@ impl ContainerReader {
     /// The transform with the units of the first block that can be read: those of one job have the same.
     fn transform(&self) -> &ReaderTransform {
         self.transform.get_or_init(|| {
-            let band_steps = self.job.shape.blocks().filter(|&id| self.layer_count(id) > 0).find_map(|id| {
+            let has_factors = |id: &BlockId| self.layer_count(*id) > 0 && self.rank(*id) > 0;
+            let band_steps = self.job.shape.blocks().filter(has_factors).find_map(|id| {
                 let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
                 stored_band_steps(&layout, &self.read_chunk(id, 0).ok()?)
             });
             let band_steps = band_steps.unwrap_or_default();
-            let planes = self.lights.planes().iter().map(|plane| (plane.across, plane.down, plane.is_image));
-            ReaderTransform { transform: Arc::new(ColumnTransform::new(planes, &band_steps)), band_steps }
+            let transform = ColumnTransform::new(self.column_planes(), &band_steps);
+            ReaderTransform { transform: Arc::new(transform), band_steps }
         })
     }
 

@@ -129,19 +129,16 @@ impl ContainerWriter {
     pub fn encode(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
         let scales = self.job.basis.column_scales();
         if scales.is_empty() {
-            return self.encode_divided(id, block);
+            return self.encoder.encode_divided(id, block);
         }
         let mut divided = block.clone();
         divided.scale_columns(&scales.iter().map(|scale| scale.recip()).collect::<Vec<_>>());
-        self.encode_divided(id, &divided)
+        self.encoder.encode_divided(id, &divided)
     }
 
-    /// [`encode`](Self::encode) for factors whose columns are divided by their scales already.
-    ///
-    /// # Errors
-    /// As [`encode`](Self::encode).
-    pub fn encode_divided(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
-        self.encoder.encode_divided(id, block)
+    /// What the file says about how it was made.
+    pub fn report(&self) -> &ContainerReport {
+        &self.options.report
     }
 
     /// What encodes its blocks.

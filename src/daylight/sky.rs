@@ -71,17 +71,30 @@ impl SkyTexels {
     /// Radiance of each texel, in W·sr⁻¹·m⁻², under a standard sky that lights open ground by so many lux, the sun's own light not among
     /// them. What is below the horizon is ground of this reflectance.
     pub fn standard(&self, sky: CieSky, sun: Sun, lux: f64, ground_reflectance: f64) -> Vec<f32> {
-        let mut radiance = vec![ground_reflectance * lux / (PI * LUMENS_PER_WATT); self.angles.len()];
-        let mut horizontal = 0.0;
-        for (texel, &(altitude, _)) in self.angles.iter().enumerate().filter(|(_, (altitude, _))| *altitude > 0.0) {
+        let ground = ground_reflectance * lux / (PI * LUMENS_PER_WATT);
+        self.lit_by(lux, ground, |texel| {
             let from_sun = self.directions[texel].dot(sun.towards()).clamp(-1.0, 1.0).acos();
-            radiance[texel] = sky.relative_luminance(altitude, from_sun, sun.altitude);
-            horizontal += radiance[texel] * altitude.sin() * self.solid_angles[texel];
+            sky.relative_luminance(self.angles[texel].0, from_sun, sun.altitude)
+        })
+    }
+
+    /// The radiance of the ground below the horizon, and above it what is in proportion to `relative` and lights open ground by so many lux:
+    /// by these texels, however few there are, and not by the continuous sky.
+    fn lit_by(&self, lux: f64, ground: f64, relative: impl Fn(usize) -> f64) -> Vec<f32> {
+        let mut radiance = vec![ground; self.angles.len()];
+        let mut sum = 0.0;
+        for (texel, (value, angles)) in radiance.iter_mut().zip(&self.angles).enumerate() {
+            if angles.0 > 0.0 {
+                *value = relative(texel);
+                sum += *value * angles.0.sin() * self.solid_angles[texel];
+            }
         }
-        // The illuminance by these texels, and not that of the continuous sky: the ground has what is asked for, however few there are.
-        let scale = if horizontal > 0.0 { lux / (LUMENS_PER_WATT * horizontal) } else { 0.0 };
-        for (value, (altitude, _)) in radiance.iter_mut().zip(&self.angles) {
-            *value *= if *altitude > 0.0 { scale } else { 1.0 };
+        // A sky that is dark by the model is uniform.
+        let scale = lux / (LUMENS_PER_WATT * if sum > 1e-6 { sum } else { PI });
+        for (value, angles) in radiance.iter_mut().zip(&self.angles) {
+            if angles.0 > 0.0 {
+                *value = scale * if sum > 1e-6 { *value } else { 1.0 };
+            }
         }
         radiance.into_iter().map(|value| value as f32).collect()
     }
@@ -139,24 +152,12 @@ impl<'a> SkyModel<'a> {
         let sky = PerezSky::new(step.measured, sun.altitude, step.day_of_year, step.dew_point)?;
         let horizontal = sky.diffuse_illuminance + sky.direct_illuminance * sun.altitude.sin().max(0.0);
         let ground = self.options.ground_reflectance * horizontal / (PI * LUMENS_PER_WATT);
-        let mut radiance = vec![ground; texels.angles.len()];
-        let relative = |&(altitude, azimuth): &(f64, f64)| sky.relative_luminance(altitude, azimuth - sun.azimuth);
-        let mut sum = 0.0;
-        for ((value, angles), solid_angle) in radiance.iter_mut().zip(&texels.angles).zip(&texels.solid_angles) {
-            if angles.0 > 0.0 {
-                *value = relative(angles);
-                sum += *value * angles.0.sin() * solid_angle;
-            }
-        }
-        // A sky that is dark by the model is uniform.
-        let scale = sky.diffuse_illuminance / (LUMENS_PER_WATT * if sum > 1e-6 { sum } else { PI });
-        for (value, angles) in radiance.iter_mut().zip(&texels.angles) {
-            if angles.0 > 0.0 {
-                *value = scale * if sum > 1e-6 { *value } else { 1.0 };
-            }
-        }
+        let radiance = texels.lit_by(sky.diffuse_illuminance, ground, |texel| {
+            let (altitude, azimuth) = texels.angles[texel];
+            sky.relative_luminance(altitude, azimuth - sun.azimuth)
+        });
         Some(SkyNow {
-            radiance: radiance.into_iter().map(|value| value as f32).collect(),
+            radiance,
             sun_irradiance: sky.direct_illuminance / LUMENS_PER_WATT,
             towards_sun: sun.towards(),
             sun_is_up: sun.is_up(),

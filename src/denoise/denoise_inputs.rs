@@ -21,7 +21,8 @@ use crate::matrix::{
 use crate::resources::{JobStage, Progress, Threads};
 
 /// The parts of a block's inputs, each a record of its own, since they are needed at different times: planes by the filter; tiles by
-/// the fit of columns; what a block is spread with; and the mean of the tiles' light, by which errors of tiles are weighed.
+/// the fit of columns; what a block is spread with; and the sum of the tiles' light, from whose mean over the picture errors of tiles are
+/// weighed.
 const PLANES: u32 = 0;
 const TILES: u32 = 1;
 const SPREADING: u32 = 2;

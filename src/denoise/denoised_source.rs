@@ -232,7 +232,7 @@ impl DenoisedSource {
         self.images.remove()
     }
 
-    /// Gathers the denoiser's inputs of each block, see [`Gathering::gather`]. Returns the number of blocks that an
+    /// Gathers the denoiser's inputs of each block, see [`DenoiseInputs::gather`]. Returns the number of blocks that an
     /// earlier run had gathered.
     ///
     /// # Errors

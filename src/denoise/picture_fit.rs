@@ -82,6 +82,29 @@ impl PictureSums {
         }
     }
 
+    /// Decodes what [`WindowSums::to_bytes`] wrote of a window of so many blocks; `None` if these are other bytes.
+    #[cfg(feature = "scene")]
+    pub(crate) fn window_of(&self, blocks: usize, mut bytes: &[u8]) -> Option<WindowSums> {
+        let (clusters, groups, columns) = (self.partition.count(), self.groups.count(), self.shape.columns());
+        let mut sums = Vec::with_capacity(blocks.min(bytes.len()));
+        for _ in 0..blocks {
+            let (light, rest) = bytes.split_at_checked(size_of::<f64>() * clusters)?;
+            let (roots, rest) = rest.split_at_checked(size_of::<f64>() * (groups + 1))?;
+            let (errors, rest) = rest.split_at_checked(size_of::<ErrorSums>() * groups)?;
+            let [light, roots] = [light, roots]
+                .map(|values| values.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect());
+            let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
+            sums.push(DenoisedBlockSums { light, roots, errors });
+            bytes = rest;
+        }
+        let tiles = match clusters < columns {
+            true => Some(ColumnUpsampler::from_values(clusters, columns, bytes)?),
+            false if bytes.is_empty() => None,
+            false => return None,
+        };
+        Some(WindowSums { blocks: sums, tiles })
+    }
+
     /// What follows, with all windows there.
     pub(crate) fn fit(&self, basis: &LightBasis) -> PictureFit {
         let columns = self.shape.columns();
@@ -169,31 +192,6 @@ impl WindowSums {
             tiles.parts().for_each(|part| bytes.extend_from_slice(bytemuck::cast_slice(part)));
         }
         bytes
-    }
-
-    /// Decodes what [`to_bytes`](Self::to_bytes) wrote of a window of so many blocks; `None` if these are other bytes.
-    #[cfg(feature = "scene")]
-    pub(crate) fn from_bytes(job: &Job, blocks: usize, mut bytes: &[u8]) -> Option<Self> {
-        let partition = Clusters::of_basis(&job.basis);
-        let groups = LightGroups::of_basis(&job.basis, &partition).count();
-        let (clusters, columns) = (partition.count(), job.shape.columns());
-        let mut sums = Vec::with_capacity(blocks.min(bytes.len()));
-        for _ in 0..blocks {
-            let (light, rest) = bytes.split_at_checked(size_of::<f64>() * clusters)?;
-            let (roots, rest) = rest.split_at_checked(size_of::<f64>() * (groups + 1))?;
-            let (errors, rest) = rest.split_at_checked(size_of::<ErrorSums>() * groups)?;
-            let [light, roots] = [light, roots]
-                .map(|values| values.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect());
-            let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
-            sums.push(DenoisedBlockSums { light, roots, errors });
-            bytes = rest;
-        }
-        let tiles = match clusters < columns {
-            true => Some(ColumnUpsampler::from_values(clusters, columns, bytes)?),
-            false if bytes.is_empty() => None,
-            false => return None,
-        };
-        Some(Self { blocks: sums, tiles })
     }
 }
 

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::publish::BuildReport;
+use super::publish::{BuildReport, go_on};
 use super::round::Round;
 use super::terms::Terms;
 use super::worker::Worker;
@@ -241,9 +241,7 @@ impl FarmJob {
         hold_to_memory("fetching shards", depot.held_bytes(), self.terms.options.memory_bytes)?;
         watch.begin("checking shards", names.len() as u64, "shards");
         let check = |name: &String| -> Result<Result<Shard, String>> {
-            if watch.interrupted() {
-                return Err(Error::interrupted("nothing was written"));
-            }
+            go_on(watch, "nothing was written")?;
             let open = || Shard::open(&depot.local(name, cache)?, name);
             let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
                 // Only the head is read, for the message.

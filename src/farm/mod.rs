@@ -10,6 +10,6 @@ mod worker;
 
 pub use job::{FarmJob, Probe, RefusedShard, Shards, TimedBlock};
 pub use publish::BuildReport;
-pub use round::Round;
-pub use rounds::{CodedShards, Next, find_unit, windows};
+pub use round::{Round, windows};
+pub use rounds::{CodedShards, Next, find_unit};
 pub use units::WorkFolders;

@@ -6,6 +6,7 @@ use crate::blob_store::BlobStore;
 use crate::block_records::{ShardContent, ShardHead, open_spill};
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
+use crate::resources::Progress;
 
 /// Result of a unit.
 #[derive(Clone, Debug)]
@@ -18,6 +19,14 @@ pub struct BuildReport {
     pub rays: u64,
     /// Path contributions that were not finite and were dropped.
     pub non_finite: u64,
+}
+
+/// To be asked before each step of a job; `kept` says what is left of it where it stops.
+///
+/// # Errors
+/// The program that runs the job says to stop.
+pub(super) fn go_on(watch: &dyn Progress, kept: &str) -> Result<()> {
+    if watch.interrupted() { Err(Error::interrupted(kept)) } else { Ok(()) }
 }
 
 /// A file that vanishes with the process, however that ends, for byte strings of so many keys; and a path for messages.

@@ -10,14 +10,17 @@ use sha2::{Digest, Sha256};
 use crate::blob_store::BlobStore;
 use crate::block_records::{Shard, hex, plan_prefix, range_prefix};
 use crate::compress::Cut;
+use crate::denoise::PictureWindows;
 use crate::encoding::{Decode, Encode, decode, encode};
 use crate::error::{Error, Result};
 use crate::light::{DenoiseErrors, DenoisedLight};
-use crate::matrix::{BlockId, ColumnIndex};
+use crate::matrix::MatrixShape;
 use crate::pipeline::ReplacedEntries;
 
 /// Extension of the names of what stands between rounds.
 const REDUCED: &str = ".reduced";
+/// What helps against a shard, or what stands before a round, that was changed.
+pub(super) const CHECK: &str = "have all shards checked, then build again what is missing";
 
 /// A round of units of work that do not know of each other. All units of a round are done before the next begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -47,6 +50,17 @@ impl Round {
         Self::NAMES.iter().find(|(_, round)| *round == self).map_or("", |(name, _)| name)
     }
 
+    /// The round of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMES.iter().find(|(other, _)| *other == name).map(|&(_, round)| round)
+    }
+
+    /// Its units for a matrix of this shape, of which these are the ranges of the plan: places of windows for [`Round::Clean`], else
+    /// blocks.
+    pub fn units(self, shape: MatrixShape, ranges: &[Range<u32>]) -> Vec<Range<u32>> {
+        if self == Self::Clean { windows(shape) } else { ranges.to_vec() }
+    }
+
     /// Extension of the names of its shards.
     pub(super) fn extension(self) -> &'static str {
         match self {
@@ -56,6 +70,11 @@ impl Round {
             Self::Code => ".coded",
         }
     }
+}
+
+/// The windows of a picture that are denoised as one unit each, as ranges of places.
+pub fn windows(shape: MatrixShape) -> Vec<Range<u32>> {
+    PictureWindows::of(shape).ranges()
 }
 
 /// What the units of a round need to know of all units before: the smallest part of it that no unit knows by itself.
@@ -85,58 +104,12 @@ pub(super) struct FitTerms {
 }
 
 /// The slope that was chosen for all blocks.
-#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub(super) struct CutTerms {
-    slope: f64,
-    white: f64,
-    exposure_exponent: f64,
-    noise_factor: Option<f64>,
-    by_eye: bool,
-    expected_relative_l2: f64,
-    expected_psnr_db: f64,
-    expected_bytes: u64,
-    reaches_target: bool,
+    pub(super) cut: Cut,
     /// Energy of all blocks.
     pub(super) energy: f64,
-    replaced: (u64, u64, Option<[u32; 3]>),
-}
-
-impl CutTerms {
-    pub(super) fn new(cut: &Cut, energy: f64, replaced: ReplacedEntries) -> Self {
-        let first = replaced.first.map(|(id, column, row)| [id.0, column.0, row]);
-        Self {
-            slope: cut.slope,
-            white: cut.white,
-            exposure_exponent: cut.exposure_exponent,
-            noise_factor: cut.noise_factor,
-            by_eye: cut.by_eye,
-            expected_relative_l2: cut.expected_relative_l2,
-            expected_psnr_db: cut.expected_psnr_db,
-            expected_bytes: cut.expected_bytes,
-            reaches_target: cut.reaches_target,
-            energy,
-            replaced: (replaced.nan, replaced.huge, first),
-        }
-    }
-
-    pub(super) fn cut(&self) -> Cut {
-        Cut {
-            slope: self.slope,
-            white: self.white,
-            exposure_exponent: self.exposure_exponent,
-            noise_factor: self.noise_factor,
-            by_eye: self.by_eye,
-            expected_relative_l2: self.expected_relative_l2,
-            expected_psnr_db: self.expected_psnr_db,
-            expected_bytes: self.expected_bytes,
-            reaches_target: self.reaches_target,
-        }
-    }
-
-    pub(super) fn replaced(&self) -> ReplacedEntries {
-        let (nan, huge, first) = self.replaced;
-        ReplacedEntries { nan, huge, first: first.map(|[id, column, row]| (BlockId(id), ColumnIndex(column), row)) }
-    }
+    pub(super) replaced: ReplacedEntries,
 }
 
 /// Name prefix of what stands before a round of a plan.
@@ -144,15 +117,17 @@ fn reduction_prefix(fingerprint: &str, round: Round) -> String {
     format!("{}{}-", plan_prefix(fingerprint), round.name())
 }
 
-/// Hash of what a round's shards are made from. That of the first round is the plan's; later ones take up what stood before them, so
-/// that shards made from something else are never found.
-pub(super) fn fingerprint_of(plan: &str, round: Round, reduction: &str) -> String {
-    if round == Round::Trace {
-        return plan.to_owned();
-    }
+/// Hash of what the shards of a round after the first are made from. It takes up what stood before the round, so that shards made from
+/// something else are never found.
+pub(super) fn hash_of(plan: &str, round: Round, reduction: &str) -> [u8; 32] {
     let mut hash = Sha256::new();
     [plan, round.name(), reduction].iter().for_each(|text| hash.update(text));
-    hex(&hash.finalize())
+    hash.finalize().into()
+}
+
+/// Hash of what a round's shards are made from, in hexadecimal digits: of the first round the plan's, of later ones [`hash_of`].
+pub(super) fn fingerprint_of(plan: &str, round: Round, reduction: &str) -> String {
+    if round == Round::Trace { plan.to_owned() } else { hex(&hash_of(plan, round, reduction)) }
 }
 
 /// What stands before a round, by its name in the depot.
@@ -195,6 +170,14 @@ impl Reduction {
         Ok(decode(&bytes).ok().filter(|_| is_whole).map(|(reduction, _)| reduction))
     }
 
+    /// The slope for all blocks, which the last round and the merge begin with.
+    ///
+    /// # Errors
+    /// None was chosen.
+    pub(super) fn cut_terms(&self, depot: &BlobStore) -> Result<CutTerms> {
+        self.cut.ok_or_else(|| Error::damaged(depot.address(), "its cut is missing", CHECK))
+    }
+
     /// The names of a round's shards that have one of these blocks or places, which ascend.
     pub(super) fn shards_with(&self, round: usize, wanted: &[u32]) -> Vec<&str> {
         let has = |name: &&String| {
@@ -234,17 +217,17 @@ pub(super) fn present(
     depot: &BlobStore,
     check: bool,
 ) -> Result<Present> {
-    let mut names = depot.names(&plan_prefix(fingerprint))?;
+    // Of one unit only its own shards are listed.
+    let prefix = match units {
+        [unit] => range_prefix(fingerprint, unit),
+        _ => plan_prefix(fingerprint),
+    };
+    let mut names = depot.names(&prefix)?;
     names.retain(|name| name.ends_with(round.extension()) && range_in(name).is_some());
     let is_whole = |name: &String| -> Result<bool> {
         let place = Path::new(depot.address()).join(name);
         Ok(!check || Shard::verify(&*depot.open_file(name)?, &place, name)?.is_ok())
     };
-    // Of one unit only its own shards are looked at.
-    if let [unit] = units {
-        let prefix = range_prefix(fingerprint, unit);
-        names.retain(|name| name.starts_with(&prefix));
-    }
     let are_whole: Vec<bool> = names.par_iter().map(is_whole).collect::<Result<_>>()?;
     let mut found = Present::default();
     let mut by_range: HashMap<Range<u32>, String> = HashMap::new();

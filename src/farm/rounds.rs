@@ -13,9 +13,9 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::job::FarmJob;
-use super::publish::{BuildReport, scratch_file};
+use super::publish::{BuildReport, go_on, scratch_file};
 use super::round::{
-    CutTerms, FitTerms, GuideTerms, NamedReduction, Reduction, Round, fingerprint_of, present, reductions,
+    CutTerms, FitTerms, GuideTerms, NamedReduction, Reduction, Round, fingerprint_of, present, reductions, windows,
 };
 use super::terms::Terms;
 use super::units::{AT_ONCE, CodedRecord, Unit, WorkFolders, damaged_summary, open_shards, summaries};
@@ -23,18 +23,18 @@ use crate::blob_store::BlobStore;
 use crate::block_records::ShardSet;
 use crate::compress::{CandidateSummary, LightErrorSums, Target};
 use crate::container::{BlockEncoder, WrittenBlock, write_encoded_blocks};
-use crate::denoise::{ColumnUpsampler, GuideStatistics, PictureFit, PictureSums, PictureWindows, WindowSums, mean_of};
+use crate::denoise::{ColumnUpsampler, GuideStatistics, PictureFit, PictureSums, WindowSums, mean_of};
 use crate::error::{Error, Result};
 use crate::light::Clusters;
-use crate::matrix::{BlockId, MatrixShape, TracedBlock};
-use crate::pipeline::{
-    PackReport, PackedBlocks, ReplacedEntries, Sizing, check_container_output, energy_of, need_of, plan_of,
-};
+use crate::matrix::{BlockId, TracedBlock};
+use crate::pipeline::{PackReport, PackedBlocks, ReplacedEntries, Sizing, check_container_output, energy_of, need_of};
 use crate::resources::{Held, Progress, ResourceEstimate, Threads, hold_to_memory};
 use crate::trace::Tracer;
 
 /// Shards of which sections are fetched at once while the container is written.
 const SECTIONS_AT_ONCE: usize = 32;
+/// What is left of a merge that stops.
+const SHARDS_KEPT: &str = "the shards are kept";
 
 /// What is to be done with a job.
 pub enum Next {
@@ -57,11 +57,6 @@ pub enum Next {
 pub struct CodedShards {
     names: Vec<String>,
     reduction: Reduction,
-}
-
-/// The windows of a picture that are denoised as one unit each, as ranges of places.
-pub fn windows(shape: MatrixShape) -> Vec<Range<u32>> {
-    PictureWindows::of(shape).ranges()
 }
 
 /// Name of the shard of a unit in the depot, if it is there, for the plan with this fingerprint; by looks at names only, unless `check`
@@ -93,9 +88,9 @@ impl FarmJob {
         Round::all(self.denoises())
     }
 
-    /// The units of a round, for these ranges of the plan: places of windows for [`Round::Clean`], else blocks.
+    /// The units of a round, for these ranges of the plan: see [`Round::units`].
     pub fn units(&self, round: Round, ranges: &[Range<u32>]) -> Vec<Range<u32>> {
-        if round == Round::Clean { windows(self.terms.job.shape) } else { ranges.to_vec() }
+        round.units(self.terms.job.shape, ranges)
     }
 
     /// Does a unit of a round, and leaves its shard in the depot.
@@ -276,7 +271,7 @@ impl FarmJob {
         let job = &self.terms.job;
         let mut sums = PictureSums::new(job);
         summaries(depot, names, |name, head, summary| {
-            let own = WindowSums::from_bytes(job, head.blocks.len(), summary);
+            let own: Option<WindowSums> = sums.window_of(head.blocks.len(), summary);
             sums.add(&head.blocks, own.ok_or_else(|| damaged_summary(depot, name))?);
             watch.advance(1, summary.len() as u64, "B");
             Ok(())
@@ -303,7 +298,7 @@ impl FarmJob {
         let max_depth = self.loaded.settings.max_depth;
         job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
         let CodedShards { names, reduction } = coded;
-        let terms = reduction.cut.clone().unwrap_or_default();
+        let terms = reduction.cut_terms(depot)?;
         let lights = LightErrorSums::new(job.shape.columns(), terms.energy);
         let mut blocks: Vec<(WrittenBlock, usize)> = Vec::new();
         let mut firsts = Vec::new();
@@ -316,13 +311,12 @@ impl FarmJob {
             blocks.extend(coded.map(|block| (block.written, block.layers as usize)));
             lights.add_bytes(records.1).ok_or_else(damaged)?;
             watch.advance(1, summary.len() as u64, "B");
-            go_on(watch)
+            go_on(watch, SHARDS_KEPT)
         });
         let packed = read.and_then(|()| {
             let stored = blocks.iter().map(|(written, _)| *written).collect();
             let denoising = reduction.fit.as_ref().and_then(|fit| fit.errors.clone());
-            let packed =
-                PackedBlocks { cut: terms.cut(), replaced: terms.replaced(), stored, denoising, exposed: None };
+            let packed = PackedBlocks { cut: terms.cut, replaced: terms.replaced, stored, denoising, exposed: None };
             let whole = packed.conclude(&job, &options.compress, &lights);
             whole.check_lights(path, options.allow_lost_lights)?;
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -356,7 +350,7 @@ fn cut(unit: &Unit<'_>, names: &[String], part: u32, watch: &dyn Progress) -> Re
     let mut analysed = Vec::with_capacity(blocks as usize);
     let each = (blocks as usize).div_ceil(names.len().max(1));
     for few in (0..blocks).collect::<Vec<_>>().chunks(each.max(1)) {
-        go_on(watch)?;
+        go_on(watch, SHARDS_KEPT)?;
         analysed.extend(few.par_iter().map(|&id| read(id)).collect::<Result<Vec<_>>>()?);
         watch.advance(1, 0, "B");
     }
@@ -368,15 +362,14 @@ fn cut(unit: &Unit<'_>, names: &[String], part: u32, watch: &dyn Progress) -> Re
         // The candidates of some blocks are coded to know how large the file becomes.
         Target::Bytes(_) => {
             let sample = Sizing::sample(job.shape);
-            let need =
-                need_of(&plan_of(job, options)?, job.shape, ResourceEstimate::of(&[]), options.denoise.then_some(job));
+            let need = need_of(&plan, job.shape, ResourceEstimate::of(&[]), options.denoise.then_some(job));
             let need = need.and(&[&Held(2 * unit.depot.held_bytes())]);
             let threads = Threads::new(need.threads_within("choosing the slope", options.memory_bytes)?)?;
-            let candidates = unit.candidates(&sample, scratch_file(None, blocks)?.1)?;
+            let candidates = unit.candidates(&sample, scratch_file(None, blocks)?.1, plan)?;
             let take = |block: &mut TracedBlock, id: &BlockId| candidates.take(*id, block).map(drop);
             threads.run(|| {
                 sample.par_iter().try_for_each_init(TracedBlock::default, take)?;
-                sizing.second_pass(&plan, &analysed, &|id| Ok(candidates.analysed.read(id)?.0))
+                sizing.second_pass(candidates.compressor.plan(), &analysed, &|id| Ok(candidates.analysed.read(id)?.0))
             })?
         }
         _ => sizing.second_pass(&plan, &analysed, &|id| Err(set.damaged(id.0, "no candidate is wanted")))?,
@@ -386,7 +379,7 @@ fn cut(unit: &Unit<'_>, names: &[String], part: u32, watch: &dyn Progress) -> Re
     if replaced.count() > 0 {
         watch.note(&format!("{}: {replaced}", unit.depot.address()));
     }
-    Ok(CutTerms::new(&second.cut, energy_of(&analysed), replaced))
+    Ok(CutTerms { cut: second.cut, energy: energy_of(&analysed), replaced })
 }
 
 /// Layers of coded blocks, in the order of a container: those of several shards are fetched at once.
@@ -406,7 +399,7 @@ impl Sections<'_> {
         if let Some(bytes) = self.fetched.borrow_mut().remove(&id.0) {
             return Ok(bytes);
         }
-        go_on(self.watch)?;
+        go_on(self.watch, SHARDS_KEPT)?;
         let blocks = self.layers.len() as u32;
         let shard = self.firsts.partition_point(|&first| first <= id.0).saturating_sub(1);
         let end = self.firsts.get(shard + SECTIONS_AT_ONCE).copied().unwrap_or(blocks);
@@ -421,10 +414,4 @@ impl Sections<'_> {
         *self.fetched.borrow_mut() = fetched;
         Ok(chunk)
     }
-}
-
-/// # Errors
-/// The program that runs the job says to stop.
-fn go_on(watch: &dyn Progress) -> Result<()> {
-    if watch.interrupted() { Err(Error::interrupted("the shards are kept")) } else { Ok(()) }
 }

@@ -7,11 +7,13 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::publish::{BuildReport, publish, scratch_file};
-use super::round::{GuideTerms, Reduction, Round, fingerprint_of};
+use super::publish::{BuildReport, go_on, publish, scratch_file};
+use super::round::{CHECK, GuideTerms, Reduction, Round, fingerprint_of, hash_of};
 use super::terms::Terms;
 use crate::blob_store::BlobStore;
-use crate::block_records::{Opener, Records, Shard, ShardContent, ShardHead, ShardSet, hex, open_spill, range_prefix};
+use crate::block_records::{
+    Opener, Records, Shard, ShardContent, ShardHead, ShardSet, hex, open_spill, range_prefix, spill_path,
+};
 use crate::compress::{CandidateSummary, Compressor, CompressorPlan, LightErrorSums};
 use crate::container::{BlockEncoder, MAX_LAYERS, WrittenBlock};
 use crate::denoise::{DenoisedSource, Guides, PictureWindows, blocks_read};
@@ -75,8 +77,6 @@ fn look(depot: &BlobStore, name: &str) -> Result<(Shard, Box<dyn Ranged>)> {
     }
 }
 
-const CHECK: &str = "have all shards checked, then build again what is missing";
-
 /// Hands on the summaries of shards, in the order of their names.
 ///
 /// # Errors
@@ -106,15 +106,18 @@ pub(super) fn damaged_summary(depot: &BlobStore, name: &str) -> Error {
 /// Candidates of blocks: read from shards, or made of denoised images.
 pub(super) struct Candidates {
     pub(super) analysed: Analysed,
-    made_of: Option<(DenoisedSource, Compressor)>,
+    /// What analyses, and the plan that candidates are cut by.
+    pub(super) compressor: Compressor,
+    /// The denoised images, unless shards have the candidates.
+    made_of: Option<DenoisedSource>,
 }
 
 impl Candidates {
     /// The summary of a block's candidate, which is there from then on.
     pub(super) fn take(&self, id: BlockId, block: &mut TracedBlock) -> Result<CandidateSummary> {
-        let Some((source, compressor)) = &self.made_of else { return self.analysed.summary(id) };
+        let Some(source) = &self.made_of else { return self.analysed.summary(id) };
         let make = |id: BlockId, block: &mut TracedBlock| source.read_block(id, block).map(|()| 0);
-        Ok(self.analysed.take(compressor, id, block, &make)?.0)
+        Ok(self.analysed.take(&self.compressor, id, block, &make)?.0)
     }
 }
 
@@ -141,10 +144,9 @@ impl Unit<'_> {
     }
 
     /// Threads that stay within the memory while blocks are analysed or coded.
-    fn threads(&self, work: &str) -> Result<Threads> {
+    fn threads(&self, work: &str, plan: &CompressorPlan) -> Result<Threads> {
         let Terms { job, options, .. } = self.terms;
-        let need =
-            need_of(&plan_of(job, options)?, job.shape, ResourceEstimate::of(&[]), options.denoise.then_some(job));
+        let need = need_of(plan, job.shape, ResourceEstimate::of(&[]), options.denoise.then_some(job));
         self.threads_of(work, need)
     }
 
@@ -154,13 +156,19 @@ impl Unit<'_> {
         Threads::new(need.threads_within(&format!("{work} {}", self.depot.address()), self.terms.options.memory_bytes)?)
     }
 
-    /// Candidates of these blocks, which ascend. `records` are those of an earlier analysis, or empty.
-    pub(super) fn candidates(&self, blocks: &[BlockId], records: ContinuationFile) -> Result<Candidates> {
+    /// Candidates of these blocks, which ascend. `records` are those of an earlier analysis, or empty; `plan` is [`plan`](Self::plan).
+    pub(super) fn candidates(
+        &self,
+        blocks: &[BlockId],
+        records: ContinuationFile,
+        plan: CompressorPlan,
+    ) -> Result<Candidates> {
         let job = &self.terms.job;
         let keys: Vec<u32> = blocks.iter().map(|id| id.0).collect();
         let traced = Records::Shards(self.shards(Round::Trace, &keys)?);
+        let compressor = plan.for_blocks()?;
         let Some(fit) = &self.reduction.fit else {
-            return Ok(Candidates { analysed: Analysed { records: traced }, made_of: None });
+            return Ok(Candidates { analysed: Analysed { records: traced }, compressor, made_of: None });
         };
         let picture = PictureWindows::of(job.shape);
         let mut places: Vec<u32> = blocks.iter().map(|&id| picture.place(id)).collect();
@@ -168,20 +176,21 @@ impl Unit<'_> {
         let images = Records::Shards(self.shards(Round::Clean, &places)?);
         let path = Path::new(self.depot.address());
         let source = DenoisedSource::of_images(job, path, [traced, images], fit.map.clone())?;
-        let compressor = self.plan()?.for_blocks()?;
-        Ok(Candidates { analysed: Analysed { records: Records::File(records) }, made_of: Some((source, compressor)) })
+        Ok(Candidates { analysed: Analysed { records: Records::File(records) }, compressor, made_of: Some(source) })
     }
 
     /// File for the candidates of a range: one that is kept between analysis and coding, if there is room for it, or one that vanishes.
-    fn candidate_file(&self, range: &Range<u32>) -> Result<(ContinuationFile, bool)> {
+    fn candidate_file(&self, range: &Range<u32>, plan: &CompressorPlan) -> Result<(ContinuationFile, bool)> {
         let blocks = self.blocks();
         if let Some(keep) = self.folders.keep.filter(|_| self.terms.options.denoise) {
             let of_analysis = fingerprint_of(&hex(&self.terms.fingerprint), Round::Analyse, &self.analysis_hash());
             let path = keep.join(range_prefix(&of_analysis, range) + "candidates");
-            let needed = 2 * range.len() as u64 * self.plan()?.factor_bytes();
+            let needed = 2 * range.len() as u64 * plan.factor_bytes();
             let has_room = || free_bytes(keep).is_ok_and(|free| free > needed);
+            // One that is there has its room.
+            let is_there = spill_path(&path).exists();
             // Another process may hold it, which does the same work.
-            if has_room()
+            if (is_there || has_room())
                 && let Ok(file) = open_spill(&path, self.terms.fingerprint, blocks, true)
             {
                 return Ok((file, true));
@@ -197,9 +206,7 @@ impl Unit<'_> {
 
     fn head(&self, round: Round, blocks: &Range<u32>, parts: u32) -> ShardHead {
         let Terms { job, fingerprint, .. } = self.terms;
-        let of_round = fingerprint_of(&hex(fingerprint), round, self.reduction_hash);
-        let digits = |at: usize| u8::from_str_radix(&of_round[2 * at..2 * at + 2], 16).unwrap_or_default();
-        let fingerprint = std::array::from_fn(digits);
+        let fingerprint = hash_of(&hex(fingerprint), round, self.reduction_hash);
         ShardHead { job: job.hash().0, fingerprint, blocks: blocks.clone(), parts, rays: 0, non_finite: 0 }
     }
 
@@ -230,7 +237,7 @@ impl Unit<'_> {
         let source = DenoisedSource::of_window(job, &path, places, [traced, Records::File(images)], guides)?;
         let work = || -> Result<Vec<u8>> {
             source.filter(&threads, watch)?;
-            let sums = source.window_sums(window.iter().copied(), mean_light, || go_on(watch))?;
+            let sums = source.window_sums(window.iter().copied(), mean_light, || go_on(watch, NOTHING_KEPT))?;
             Ok(sums.to_bytes())
         };
         let summary = work().map_err(nothing_kept)?;
@@ -247,13 +254,15 @@ impl Unit<'_> {
     /// As [`clean`](Self::clean).
     pub(super) fn analyse(&self, range: &Range<u32>, watch: &dyn Progress) -> Result<BuildReport> {
         let begun = Instant::now();
-        let threads = self.threads("analysing")?;
+        let plan = self.plan()?;
+        let threads = self.threads("analysing", &plan)?;
         let blocks: Vec<BlockId> = range.clone().map(BlockId).collect();
-        let candidates = self.candidates(&blocks, self.candidate_file(range)?.0)?;
+        let (file, _) = self.candidate_file(range, &plan)?;
+        let candidates = self.candidates(&blocks, file, plan)?;
         let (_, summaries) = scratch_file(self.folders.scratch, range.len() as u32)?;
         watch.begin("analysing", blocks.len() as u64, "blocks");
         let analyse = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
-            go_on(watch)?;
+            go_on(watch, NOTHING_KEPT)?;
             let summary = candidates.take(id, block)?;
             summaries.append(id.0 - range.start, &[&summary.to_bytes()])?;
             watch.advance(1, 0, "B");
@@ -274,20 +283,21 @@ impl Unit<'_> {
     pub(super) fn code(&self, range: &Range<u32>, watch: &dyn Progress) -> Result<BuildReport> {
         let begun = Instant::now();
         let job = &self.terms.job;
-        let terms = self.reduction.cut.clone().unwrap_or_default();
-        let threads = self.threads("coding")?;
+        let terms = self.reduction.cut_terms(self.depot)?;
+        let plan = self.plan()?;
+        let threads = self.threads("coding", &plan)?;
         let blocks: Vec<BlockId> = range.clone().map(BlockId).collect();
-        let (file, is_kept) = self.candidate_file(range)?;
-        let candidates = self.candidates(&blocks, file)?;
+        let (file, is_kept) = self.candidate_file(range, &plan)?;
+        let candidates = self.candidates(&blocks, file, plan)?;
         let encoder = BlockEncoder::new(job, self.terms.options.container.codec.clone());
-        let second = SecondPass::new(job, &self.plan()?, terms.cut());
+        let second = SecondPass::new(job, candidates.compressor.plan(), terms.cut);
         let lights = LightErrorSums::new(job.shape.columns(), terms.energy);
         let stride = range.len() as u32;
         let (_, layers) = scratch_file(self.folders.scratch, stride * MAX_LAYERS as u32)?;
         let written = Mutex::new(vec![None; blocks.len()]);
         watch.begin("coding", blocks.len() as u64, "blocks");
         let code = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
-            go_on(watch)?;
+            go_on(watch, NOTHING_KEPT)?;
             candidates.take(id, block)?;
             let coded = second.code(id, &candidates.analysed, &encoder)?;
             lights.add(&coded.columns);
@@ -355,12 +365,6 @@ impl CodedRecord {
         let written = WrittenBlock { rank: word(1) as usize, sparse_entries: word(2) as usize, report };
         Self { written, layers: word(0) as u32 }
     }
-}
-
-/// # Errors
-/// The program that runs the job says to stop.
-fn go_on(watch: &dyn Progress) -> Result<()> {
-    if watch.interrupted() { Err(Error::interrupted(NOTHING_KEPT)) } else { Ok(()) }
 }
 
 const NOTHING_KEPT: &str = "nothing is kept of the unit";

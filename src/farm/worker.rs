@@ -3,14 +3,14 @@
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::publish::{publish, scratch_file};
+use super::publish::{go_on, publish, scratch_file};
 use super::round::Round;
 use super::terms::Terms;
 use crate::blob_store::BlobStore;
 use crate::block_records::{GATHERED_PARTS, Records, ShardContent, ShardHead};
 use crate::compress::{Compressor, CompressorPlan};
 use crate::denoise::{DenoiseInputs, GuideStatistics};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::ContinuationFile;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::pipeline::{Analysed, need_of};
@@ -71,7 +71,7 @@ impl Worker {
     /// Makes a block's record, unless it exists; returns the amount of work.
     ///
     /// # Errors
-    /// Those of `make` and of the disk; [`Error::Interrupted`].
+    /// Those of `make` and of the disk; [`crate::Error::Interrupted`].
     pub(super) fn build(
         &self,
         id: BlockId,
@@ -79,9 +79,7 @@ impl Worker {
         watch: &dyn Progress,
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
     ) -> Result<u64> {
-        if watch.interrupted() {
-            return Err(Error::interrupted("nothing is kept of the range"));
-        }
+        go_on(watch, "nothing is kept of the range")?;
         match self {
             Self::Gathers { inputs, tally } => {
                 let mut own = GuideStatistics::new(inputs.clusters);

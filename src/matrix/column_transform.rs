@@ -46,6 +46,11 @@ struct ColumnPlane {
     is_image: bool,
 }
 
+/// Columns of a tile across and down, at most.
+fn tile_size(is_image: bool) -> (usize, usize) {
+    if is_image { (MAX_TILE, MAX_TILE) } else { (TILE_COEFFICIENTS, 1) }
+}
+
 impl ColumnTile {
     /// Number of its coefficients, and of its columns.
     pub(crate) fn len(self) -> usize {
@@ -89,7 +94,7 @@ impl ColumnTransform {
     fn push(&mut self, across: usize, down: usize, is_image: bool, finer: &[i8]) {
         let first_column = self.columns;
         self.planes.push(ColumnPlane { first_column, across, down, first_tile: self.tiles.len(), is_image });
-        let (wide, high) = if is_image { (MAX_TILE, MAX_TILE) } else { (TILE_COEFFICIENTS, 1) };
+        let (wide, high) = tile_size(is_image);
         let mut first = first_column;
         for y in (0..down).step_by(high) {
             for x in (0..across).step_by(wide) {
@@ -127,7 +132,7 @@ impl ColumnTransform {
     pub(crate) fn tile_of(&self, column: usize) -> usize {
         let plane = self.planes[self.planes.partition_point(|plane| plane.first_column <= column) - 1];
         let place = column - plane.first_column;
-        let (wide, high) = if plane.is_image { (MAX_TILE, MAX_TILE) } else { (TILE_COEFFICIENTS, 1) };
+        let (wide, high) = tile_size(plane.is_image);
         let (x, y) = (place % plane.across / wide, place / plane.across / high);
         plane.first_tile + y * plane.across.div_ceil(wide) + x
     }
@@ -165,7 +170,7 @@ impl ColumnTransform {
         out.iter().rposition(|value| *value != 0.0).map_or(0, |last| last + 1)
     }
 
-    /// The same in f64 of few weights: columns of the tile, each once, with their weights. Adds to `out`.
+    /// The same in f64 of few weights: columns of the tile, each once, with their weights. Sets `out`, where zeros stand.
     pub(crate) fn few_weights<const N: usize>(
         &self,
         tile: ColumnTile,

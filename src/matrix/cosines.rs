@@ -87,9 +87,58 @@ pub(crate) fn cosines(n: usize) -> &'static [f32] {
     })
 }
 
+/// The basis functions place by place: row `x` is the value of every cosine there.
+fn cosines_by_place(n: usize) -> &'static [f32] {
+    static COSINES: [OnceLock<Vec<f32>>; MAX_TILE + 1] = [const { OnceLock::new() }; MAX_TILE + 1];
+    COSINES[n].get_or_init(|| (0..n * n).map(|at| cosines(n)[at % n * n + at / n]).collect())
+}
+
 /// Transforms a tile of `width × height` values, row by row, in place. To be inlined, as [`inverse`].
 #[inline(always)]
 pub(crate) fn forward(tile: &mut [f32], width: usize, height: usize) {
+    match width {
+        4 => forward_of::<4>(tile, height),
+        8 => forward_of::<8>(tile, height),
+        16 => forward_of::<16>(tile, height),
+        32 => forward_of::<32>(tile, height),
+        _ => forward_of_any(tile, width, height),
+    }
+}
+
+/// The transform of a tile of a width that vectors have: all frequencies of a row side by side. The same bits as [`forward_of_any`], since the
+/// products of each sum are added in the same order.
+#[inline(always)]
+fn forward_of<const WIDTH: usize>(tile: &mut [f32], height: usize) {
+    let (across, down) = (cosines_by_place(WIDTH).as_chunks::<WIDTH>().0, cosines(height));
+    let mut rows = [[0.0f32; WIDTH]; MAX_TILE];
+    for (v, out) in rows.iter_mut().take(height).enumerate() {
+        let mut sum = [0.0f32; WIDTH];
+        for (row, cosine) in tile.as_chunks::<WIDTH>().0.iter().zip(&down[v * height..][..height]) {
+            for i in 0..WIDTH {
+                sum[i] += row[i] * cosine;
+            }
+        }
+        *out = sum;
+    }
+    for (row, out) in rows.iter().zip(tile.as_chunks_mut::<WIDTH>().0) {
+        let mut total = [0.0f32; WIDTH];
+        for lane in 0..WIDTH.min(8) {
+            let mut sum = [0.0f32; WIDTH];
+            for x in (lane..WIDTH).step_by(8) {
+                for u in 0..WIDTH {
+                    sum[u] += row[x] * across[x][u];
+                }
+            }
+            for u in 0..WIDTH {
+                total[u] += sum[u];
+            }
+        }
+        *out = total;
+    }
+}
+
+#[inline(always)]
+fn forward_of_any(tile: &mut [f32], width: usize, height: usize) {
     let (across, down) = (cosines(width), cosines(height));
     let mut rows = [0.0f32; MAX_TILE * MAX_TILE];
     for (v, out) in rows.chunks_exact_mut(width).take(height).enumerate() {
@@ -257,6 +306,20 @@ mod tests {
             inverse(&mut tile, width, height, &mut [f32::NAN; MAX_TILE * MAX_TILE]);
             // Rounding of two passes of at most 32 products.
             assert!(tile.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-5), "{width}×{height}");
+        }
+    }
+
+    #[test]
+    fn tiles_of_usual_widths_have_the_bits_of_any() {
+        for (width, height) in [(4, 4), (8, 3), (16, 16), (32, 32), (32, 5)] {
+            let values: Vec<f32> =
+                (0..width * height).map(|i| if i % 5 == 0 { 0.0 } else { (i as f32 * 0.37).sin() * 1e3 }).collect();
+            for values in [values.clone(), vec![-0.0; values.len()]] {
+                let [mut usual, mut any] = [values.clone(), values];
+                forward(&mut usual, width, height);
+                forward_of_any(&mut any, width, height);
+                assert!(usual.iter().zip(&any).all(|(a, b)| a.to_bits() == b.to_bits()), "{width}×{height}");
+            }
         }
     }
 

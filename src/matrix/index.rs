@@ -2,12 +2,14 @@
 
 use std::fmt;
 
+use crate::encoding::{Decode, Encode};
+
 /// Index of a block in its grid, row by row from the top left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
 pub struct BlockId(pub u32);
 
 /// Index of a column of `T`, that is of a basis light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
 pub struct ColumnIndex(pub u32);
 
 impl BlockId {

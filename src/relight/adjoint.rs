@@ -3,7 +3,7 @@
 //! A block `L R + S` gives `R' (L_ch' x_ch) + S_ch' x_ch`, where `x_ch` are the image's pixels in the block. Coefficients of
 //! right sides are added up as such, and transformed back once for all blocks. The blocks of a
 //! group are added up one after the other and the groups in their order, so that the bits are the same for any number of
-//! threads. Several images are worked on in one pass over the factors, which are turned into f32 once for all of them.
+//! threads. Several images are worked on in one pass over the factors, whose left sides are turned into f32 once for all of them.
 
 use rayon::prelude::*;
 
@@ -199,17 +199,16 @@ impl pulp::NullaryFnOnce for SetCompact<'_> {
         let CompactBlock { left, right, sparse, .. } = block;
         let mut weights = vec![[0.0f32; CHANNELS]; block.rank()];
         let (coefficients, direct) = sums.split_at_mut(sums.len() / 2);
+        let of_image = CHANNELS * transform.columns();
         if planes.len() == left.length {
             set_image(left, right, transform, planes, &mut weights, coefficients);
         } else {
             let left = left.widen();
-            let of_image = CHANNELS * transform.columns();
             for (planes, sums) in planes.chunks_exact(left.length).zip(coefficients.chunks_exact_mut(of_image)) {
                 set_image(&left, right, transform, planes, &mut weights, sums);
             }
         }
         direct.fill(0.0);
-        let of_image = CHANNELS * transform.columns();
         for (planes, sums) in planes.chunks_exact(left.length).zip(direct.chunks_exact_mut(of_image)) {
             add_sparse(sparse, planes, transform.columns(), sums);
         }

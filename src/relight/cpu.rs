@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::compact::CompactBlock;
 use super::damage::read_compact;
-use super::lighting::LightingCoefficients;
+use super::lighting::{LightingCoefficients, scaled_channels};
 use super::project::project;
 use super::reconstruct::reconstruct;
 use super::scatter::scatter;
@@ -132,9 +132,13 @@ impl CpuRelighter {
     pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
         check_columns(self.shape, lighting)?;
         check_size(self.shape, image)?;
-        let lighting = self.coefficients(lighting);
+        self.draw(&self.coefficients(lighting), image)
+    }
+
+    /// The image under a lighting, of the matrix's size.
+    fn draw(&self, lighting: &LightingCoefficients, image: &mut LinearImage) -> Result<()> {
         for_each_tile(image, self.shape, |mut tile| {
-            relight_block(self.blocks[tile.id.index()].as_ref(), &lighting, &mut tile);
+            relight_block(self.blocks[tile.id.index()].as_ref(), lighting, &mut tile);
             Ok(())
         })
     }
@@ -145,17 +149,19 @@ impl CpuRelighter {
     /// A lighting with another number of columns than the matrix.
     pub fn relight_kept(&self, lighting: &Lighting) -> Result<Relit> {
         check_columns(self.shape, lighting)?;
-        let planar = self.coefficients(lighting);
+        let coefficients = self.coefficients(lighting);
         let projected = self
             .blocks
             .par_iter()
             .map_init(Vec::new, |scratch, block| {
                 let Some(block) = block else { return Vec::new() };
-                pulp::Arch::new().dispatch(Project { block, lighting: &planar, projected: scratch });
+                pulp::Arch::new().dispatch(Project { block, lighting: &coefficients, projected: scratch });
                 scratch.iter().map(|sums| sums.map(f64::from)).collect()
             })
             .collect();
-        Ok(Relit { image: self.relight(lighting)?, weights: lighting.weights().to_vec(), projected })
+        let mut image = LinearImage::black(self.shape.width(), self.shape.height());
+        self.draw(&coefficients, &mut image)?;
+        Ok(Relit { image, weights: lighting.weights().to_vec(), projected })
     }
 
     /// Puts new weights on some columns of a kept image: costs the tiles of `R` that those columns are in and one pass over
@@ -196,12 +202,12 @@ impl CpuRelighter {
             .zip(&mut relit.projected)
             .map(|(block, projected)| block.as_ref().is_some_and(|block| block.change(&deltas, &tiles, projected)))
             .collect();
-        let planar = self.coefficients(&lighting);
+        let channels = scaled_channels(&lighting, &self.scales);
         let projected = &relit.projected;
         for_each_tile(&mut relit.image, self.shape, |mut tile| {
             if let (true, Some(block)) = (reached[tile.id.index()], &self.blocks[tile.id.index()]) {
                 let sums: Vec<_> = projected[tile.id.index()].iter().map(|sums| sums.map(|sum| sum as f32)).collect();
-                finish_block(block, &sums, &planar, &mut tile);
+                finish_block(block, &sums, &channels, &mut tile);
             }
             Ok::<_, Error>(())
         })?;
@@ -305,7 +311,7 @@ pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &LightingCoe
         Some(block) => {
             let mut projected = Vec::new();
             pulp::Arch::new().dispatch(Project { block, lighting, projected: &mut projected });
-            finish_block(block, &projected, lighting, tile);
+            finish_block(block, &projected, lighting.channels(), tile);
         }
     }
 }
@@ -315,17 +321,18 @@ pub(super) fn relit_planes(block: &CompactBlock, lighting: &LightingCoefficients
     let (mut projected, mut planes) = (Vec::new(), Vec::new());
     let arch = pulp::Arch::new();
     arch.dispatch(Project { block, lighting, projected: &mut projected });
-    arch.dispatch(ProductRows { block, projected: &projected, lighting, planes: &mut planes });
+    let channels = lighting.channels();
+    arch.dispatch(ProductRows { block, projected: &projected, channels, planes: &mut planes });
     planes
 }
 
 fn finish_block(
     block: &CompactBlock,
     projected: &[[f32; CHANNELS]],
-    lighting: &LightingCoefficients,
+    channels: &[Vec<f32>; CHANNELS],
     tile: &mut ImageTile,
 ) {
-    pulp::Arch::new().dispatch(Finish { block, projected, lighting, tile });
+    pulp::Arch::new().dispatch(Finish { block, projected, channels, tile });
 }
 
 /// `y = R ℓ`, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without them.
@@ -348,7 +355,7 @@ impl pulp::NullaryFnOnce for Project<'_> {
 struct ProductRows<'a> {
     block: &'a CompactBlock,
     projected: &'a [[f32; CHANNELS]],
-    lighting: &'a LightingCoefficients,
+    channels: &'a [Vec<f32>; CHANNELS],
     planes: &'a mut Vec<f32>,
 }
 
@@ -358,7 +365,7 @@ impl pulp::NullaryFnOnce for ProductRows<'_> {
     #[inline(always)]
     fn call(self) {
         reconstruct(self.block, self.projected, self.planes);
-        scatter(self.block, self.lighting, self.planes);
+        scatter(self.block, self.channels, self.planes);
     }
 }
 
@@ -366,7 +373,7 @@ impl pulp::NullaryFnOnce for ProductRows<'_> {
 struct Finish<'a, 'b> {
     block: &'a CompactBlock,
     projected: &'a [[f32; CHANNELS]],
-    lighting: &'a LightingCoefficients,
+    channels: &'a [Vec<f32>; CHANNELS],
     tile: &'a mut ImageTile<'b>,
 }
 
@@ -377,7 +384,7 @@ impl pulp::NullaryFnOnce for Finish<'_, '_> {
     fn call(self) {
         let mut planes = Vec::new();
         reconstruct(self.block, self.projected, &mut planes);
-        scatter(self.block, self.lighting, &mut planes);
+        scatter(self.block, self.channels, &mut planes);
         self.tile.set(&planes);
     }
 }

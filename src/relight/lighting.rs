@@ -47,10 +47,7 @@ impl LightingCoefficients {
     /// If lighting and transform have different numbers of columns.
     pub(crate) fn new(lighting: &Lighting, scales: &[f32], transform: &ColumnTransform) -> Self {
         assert_eq!(lighting.weights().len(), transform.columns());
-        let mut channels = [0, 1, 2].map(|channel| lighting.channel(channel));
-        for channel in &mut channels {
-            channel.iter_mut().zip(scales).for_each(|(weight, scale)| *weight *= scale);
-        }
+        let channels = scaled_channels(lighting, scales);
         let make = |&tile| pulp::Arch::new().dispatch(MakeTile { transform, tile, channels: &channels });
         let tiles = match transform.tiles() {
             [one] => vec![make(one)],
@@ -59,14 +56,23 @@ impl LightingCoefficients {
         Self { channels, tiles }
     }
 
-    /// The weights of the columns.
-    pub(crate) fn channel(&self, channel: usize) -> &[f32] {
-        &self.channels[channel]
+    /// The weights of the columns, see [`scaled_channels`].
+    pub(crate) fn channels(&self) -> &[Vec<f32>; CHANNELS] {
+        &self.channels
     }
 
     pub(super) fn tiles(&self) -> &[LightingTile] {
         &self.tiles
     }
+}
+
+/// The weights of each channel apart, times the scales of their columns; of no scales all are 1.
+pub(super) fn scaled_channels(lighting: &Lighting, scales: &[f32]) -> [Vec<f32>; CHANNELS] {
+    [0, 1, 2].map(|channel| {
+        let mut weights = lighting.channel(channel);
+        weights.iter_mut().zip(scales).for_each(|(weight, scale)| *weight *= scale);
+        weights
+    })
 }
 
 /// Makes a tile, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without them.

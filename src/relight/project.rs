@@ -1,4 +1,4 @@
-//! `y = R ℓ` for the three channels in one pass over `R`; twin of `shaders/project.wgsl`.
+//! `y = R ℓ` for the three channels, by the right side itself; twin of `shaders/project.wgsl`.
 
 use super::compact::CompactBlock;
 use super::lighting::LightingCoefficients;

@@ -22,8 +22,8 @@ pub(super) struct BlockHours {
     rank: usize,
     /// Pixels × rank.
     left: Vec<f32>,
-    /// Rank × hours.
-    right: Vec<f32>,
+    /// Rank × hours; none of entries, whose right side is the sky itself.
+    right: Option<Vec<f32>>,
     /// Rank: the right side under the overcast sky of the daylight factor.
     overcast: Vec<f32>,
     /// Single entries: pixel, column, value; by pixel.
@@ -70,7 +70,7 @@ impl BlockHours {
             .map(|entry| (entry.row % pixels as u32, entry.column.0, lux_of(entry.row as usize / pixels) * entry.value))
             .collect();
         entries.sort_by_key(|(pixel, ..)| *pixel);
-        Self { pixels, rank, left, right, overcast, entries }
+        Self { pixels, rank, left, right: Some(right), overcast, entries }
     }
 
     /// Of the entries themselves: the columns of the sky are the inner width, and those of places of the sun stand apart.
@@ -103,7 +103,7 @@ impl BlockHours {
             entries.extend(lit.map(|(pixel, value)| (pixel as u32, column, value)));
         }
         entries.sort_by_key(|(pixel, ..)| *pixel);
-        Self { pixels, rank: texels, left, right: Vec::new(), overcast: year.overcast.clone(), entries }
+        Self { pixels, rank: texels, left, right: None, overcast: year.overcast.clone(), entries }
     }
 
     /// The daylight factor of each pixel in percent.
@@ -112,7 +112,7 @@ impl BlockHours {
             self.left.chunks_exact(self.rank.max(1)).map(|left| dot(left, &self.overcast)).collect();
         percent.resize(self.pixels, 0.0);
         // Of a matrix without factors the sky is in the left side already.
-        if !self.right.is_empty() {
+        if self.right.is_some() {
             let (columns, texels) = year.sky_columns();
             for &(pixel, column, value) in &self.entries {
                 if columns.contains(&(column as usize)) {
@@ -185,8 +185,7 @@ impl pulp::NullaryFnOnce for Chunk<'_, '_> {
     fn call(self) {
         let Self { block, year, thresholds, range, asked, target } = self;
         let (hours, count) = (year.hours(), range.len());
-        // Where there are no factors the sky itself is the right side.
-        let right = if block.right.is_empty() { &year.sky } else { &block.right };
+        let right = block.right.as_ref().unwrap_or(&year.sky);
         let wants_sun = year.knows_sun && asked.0;
         let (mut all, mut of_sun) = ([0.0f32; CHUNK], [0.0f32; CHUNK]);
         let mut entries = &block.entries[..];
@@ -198,7 +197,7 @@ impl pulp::NullaryFnOnce for Chunk<'_, '_> {
             sun.fill(0.0);
             let own = entries.iter().take_while(|(at, ..)| *at as usize == pixel).count();
             for &(_, column, value) in &entries[..own] {
-                add_entry(year, (column, value, block.right.is_empty()), &range, lux, sun);
+                add_entry(year, (column, value, block.right.is_none()), &range, lux, sun);
             }
             entries = &entries[own..];
             // Noise and compression may leave less than nothing.
@@ -254,5 +253,41 @@ fn add_entry(
         if sun.is_direct {
             direct[at] += light;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::DaylightOptions;
+    use super::*;
+    use crate::daylight::Climate;
+    use crate::light::{EnvironmentMapping, Light, LightBasis, SkyPatches};
+    use crate::matrix::SparseEntry;
+
+    const WEA: &str = "place Testville_XX\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsite_elevation 515\n\
+        weather_data_file_units 3\n6 21 11.5 0 12000\n";
+
+    /// A block of which compression has kept a single entry, and no component: the sky lights it as it lights the same entry of a matrix.
+    #[test]
+    fn a_block_without_components_is_lit_by_the_sky() {
+        let mut basis = LightBasis::new();
+        let patches = EnvironmentMapping::Patches(SkyPatches::of_subdivision(1).unwrap());
+        basis.push(Light::of_texels("sky", patches.into())).unwrap();
+        let climate = Climate::parse("a", WEA).unwrap();
+        let year = YearLight::new("a", &basis, &climate, &DaylightOptions::default()).unwrap();
+        let (column, columns) = (10, basis.column_count());
+        let sparse = vec![SparseEntry { column: ColumnIndex(column), row: 1, value: 0.5 }];
+        let factored = FactoredBlock { rows: CHANNELS, columns, sparse, ..FactoredBlock::default() };
+        let mut entries = vec![0.0; CHANNELS * columns];
+        entries[CHANNELS * column as usize + 1] = 0.5;
+        let stored = BlockHours::of_entries(BlockView::new(CHANNELS, columns, &entries), 1, &year);
+        let measured = [BlockHours::of_factors(&factored, &year), stored].map(|hours| {
+            let mut sums = [HourSums::default()];
+            hours.add_to(&year, &Thresholds::default(), PixelHours { sums: &mut sums, hours: None });
+            sums[0].measures(1, 1, 1.0, false).values
+        });
+        let [mean, factor] = [6, 11].map(|measure| measured.map(|values| values[measure]));
+        assert!(mean[0] > 0.0 && (mean[0] / mean[1] - 1.0).abs() < 1e-5, "{mean:?}");
+        assert!(factor[0] > 0.0 && (factor[0] / factor[1] - 1.0).abs() < 1e-5, "{factor:?}");
     }
 }

@@ -154,7 +154,7 @@ pub fn pack(
 pub(crate) struct PackSource<'a> {
     /// What tells them from other blocks of the same job: [`BlockSource::variant`].
     pub(crate) variant: &'a [u8],
-    /// What making them for.
+    /// What making them takes.
     pub(crate) need: ResourceEstimate,
     /// Whether they come with planes.
     pub(crate) has_planes: bool,
@@ -168,7 +168,6 @@ pub(crate) struct Packing {
     job: Job,
     analysed: Analysed,
     writer: ContainerWriter,
-    writer_report: ContainerReport,
     /// Hash of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
@@ -205,7 +204,6 @@ impl Packing {
         let there = there.each_ref().map(PathBuf::as_path);
         let threads = Threads::new(need.admit("packing", path, &there, options.memory_bytes, watch)?)?;
         let fingerprint = options.fingerprint(job, source.variant, basis.as_ref());
-        let writer_report = container.report.clone();
         let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
@@ -217,7 +215,6 @@ impl Packing {
             job,
             analysed,
             writer,
-            writer_report,
             fingerprint,
             denoise,
             denoising: None,
@@ -397,8 +394,7 @@ impl Packing {
         watch.end();
         let analysed = analysed?;
         let plan = first_pass.plan();
-        let report = self.writer_report.clone();
-        let sizing = Sizing { job: &self.job, report: &report, encoder: self.writer.encoder() };
+        let sizing = Sizing { job: &self.job, report: self.writer.report(), encoder: self.writer.encoder() };
         let read = |id: BlockId| Ok(self.analysed.read(id)?.0);
         let second = self.threads.run(|| sizing.second_pass(plan, &analysed, &read))?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);

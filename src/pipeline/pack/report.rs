@@ -1,6 +1,7 @@
 //! Result of a pack, and its text for people.
 
 use crate::compress::{AUTOMATIC_DB, CandidateSummary, Target};
+use crate::encoding::{Decode, Encode};
 use crate::error::{Hint, Warning, Wording};
 use crate::light::{DenoiseErrors, ExposedError, LightErrors, LightLoss};
 use crate::matrix::{BlockId, ColumnIndex};
@@ -40,7 +41,7 @@ pub struct PackReport {
 }
 
 /// Counts of unusable entries of a matrix. The container has other values in their place.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct ReplacedEntries {
     /// Entries that were no number, now 0.
     pub nan: u64,

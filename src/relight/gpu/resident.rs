@@ -71,8 +71,9 @@ impl SharedArrays {
                 plane[first as usize..][..values.len()].copy_from_slice(values);
             }
         }
-        for (channel, plane) in of_columns.chunks_exact_mut(columns.next_multiple_of(4)).enumerate() {
-            plane[..columns].copy_from_slice(lighting.channel(channel));
+        for (channel, plane) in lighting.channels().iter().zip(of_columns.chunks_exact_mut(columns.next_multiple_of(4)))
+        {
+            plane[..columns].copy_from_slice(channel);
         }
         gpu.queue.write_buffer(&self.lighting, 0, bytemuck::cast_slice(&planes));
     }

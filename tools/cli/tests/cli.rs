@@ -278,6 +278,12 @@ fn a_sequence_is_packed_and_relit_frame_by_frame() {
     for (dim, bright) in dim.pixels.iter().flatten().zip(bright.pixels.iter().flatten()) {
         assert!((4.0 * dim - bright).abs() <= 1e-3 * bright, "{dim}, {bright}");
     }
+    // Whichever of the frames are asked for.
+    let part = ["relight", "shot.####.ltc", "-l", "fade.toml", "--fps", "1", "-o", "part.####.exr", "--frames", "8..9"];
+    succeed(at, "ltm", &part);
+    let [of_all, of_part] =
+        ["fade.0008.exr", "part.0008.exr"].map(|name| ltm::image::read_image(&at.join(name)).unwrap());
+    assert!(of_all.pixels == of_part.pixels && !at.join("part.0007.exr").exists());
     fail(at, "ltm", &["relight", "shot.####.ltc", "-o", "one.png"], 3, &["one.png", "####"]);
     fail(at, "ltm", &["relight", "shot.####.exr", "-o", "x.###.png"], 3, &["shot.0007.exr"]);
 }

@@ -137,6 +137,19 @@ def test_a_range_that_cannot_be_built_is_named_and_the_others_are_finished(room:
     assert digest(out) == digest(room / "single.ltc")
 
 
+def test_units_that_are_done_and_stay_missing_end_the_farm(room: Path, client, tmp_path: Path):
+    stuck = failing(tmp_path, '[[ "$1" == merge ]] && { echo "clean 0"; exit 0; }; [[ "$*" == *" build "* ]] && exit 0')
+    with pytest.raises(farm.FarmError, match="1 units of round clean are done and still missing"):
+        farm.render(room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", program=stuck)
+
+
+def test_a_unit_that_is_missing_at_the_merge_is_asked_for_again(room: Path, client, tmp_path: Path):
+    seen = tmp_path / "seen"
+    late = failing(tmp_path, f'[[ "$1" == merge && "$*" != *--list* && ! -e "{seen}" ]] && {{ touch "{seen}"; exit {farm.MISSING}; }}')
+    out = farm.render(room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", program=late)
+    assert seen.exists() and digest(out) == digest(room / "single.ltc")
+
+
 @pytest.mark.parametrize("name", ["trace", "clean", "code"])
 def test_a_shard_that_was_changed_is_built_again(room: Path, client, tmp_path: Path, name: str):
     """Found by who reads it: a unit of the next round, or the merge."""

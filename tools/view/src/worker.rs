@@ -127,6 +127,8 @@ pub enum Brought {
         path: PathBuf,
         /// The content.
         saved: Box<Saved>,
+        /// The lights that it is over.
+        basis: Box<LightBasis>,
         /// Revision of the snapshots that stand in it.
         revision: u64,
         /// One line about it.
@@ -147,11 +149,15 @@ pub enum Brought {
         path: PathBuf,
         /// The content.
         saved: Box<Saved>,
+        /// The lights that it is over.
+        basis: Box<LightBasis>,
     },
     /// Work that an earlier window left behind was read.
     Recovered {
         /// The content.
         saved: Box<Saved>,
+        /// The lights that it is over.
+        basis: Box<LightBasis>,
         /// Where it was saved.
         left: LeftBehind,
     },

@@ -192,7 +192,7 @@ def render(
     depot = str(shards) if shards is not None else f"{out}-shards"
     depot = depot if "://" in depot else str(Path(depot).resolve())
     content = json.loads(plan.read_text())
-    totals = {"clean": content["shape"]["windows"]}
+    totals = {"clean": content["shape"].get("windows", 0)}
     options = {"threads": threads, "memory": memory, "program": program}
     merge = [_program(program), "merge", "--plan", str(plan), depot, "-o", str(out), "--rounds"] + (["--force"] if overwrite else [])
     if out.exists() and not overwrite:
@@ -200,10 +200,13 @@ def render(
     work = _Work(str(plan), depot, _Connection(client, patience), options, retries, progress or Progress())
     check: list[str] = []
     failures = 0
+    built: list[str] = []
     while True:
         code, units = _merge([*merge, *check, "--list"])
         if code == 0 and units:
             name = units[0].split()[0]
+            if units == built:
+                raise FarmError(f"{len(units)} units of round {name} are done and still missing in {depot}: its shards are of different beginnings; take an empty place")
             work.build(name, units, totals.get(name, len(content["ranges"])))
         elif code == 0:
             code, _ = _merge(merge)
@@ -214,8 +217,10 @@ def render(
         check = ["--check"] if is_damaged else []
         options["check"] = options.get("check") or is_damaged
         failures += is_damaged or code != 0
+        # The units that were built with nothing against them: they are not missing any more.
+        built = [] if code or is_damaged else units
         work.damaged = False
-        if code not in (0, DAMAGED, REFUSED) or failures > retries:
+        if code not in (0, DAMAGED, REFUSED, MISSING) or failures > retries:
             raise FarmError(f"ltm merge ended with exit code {code}; what it said stands above" if code else f"shards are damaged again and again in {depot}; check the disk")
 
 

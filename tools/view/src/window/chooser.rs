@@ -300,6 +300,9 @@ impl Chooser {
 
     /// Chooses a file, beside those that are chosen if it `adds`, or no more if it is one of them.
     fn choose(&mut self, name: String, adds: bool) {
+        if adds && self.several.is_empty() && !self.name.is_empty() {
+            self.several.push(self.name.clone());
+        }
         if !adds {
             self.several.clear();
         } else if let Some(at) = self.several.iter().position(|other| *other == name) {
@@ -307,9 +310,6 @@ impl Chooser {
             self.name = self.several.last().cloned().unwrap_or_default();
             return;
         } else {
-            if self.several.is_empty() && !self.name.is_empty() {
-                self.several.push(self.name.clone());
-            }
             self.several.push(name.clone());
         }
         self.name = name;

@@ -1,4 +1,4 @@
-//! One open container with everything that the window knows of it.
+//! The open views of a scene under one mix: what they share, the one in front, and those behind it.
 
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,6 @@ impl Document {
         let (from, to) = (old.lights.basis(), self.lights.basis());
         let scene = self.work.scene.clone();
         let carry = |mix: &Mix| mix.carried(from, to, &scene);
-        self.front.compare.snapshots = old.front.compare.snapshots.carried(self.front.size(), carry);
         let lost = from.lights().iter().filter(|light| to.find(&light.name).is_none()).count();
         self.work.go_on(old.work, carry);
         if from.lights().len() == to.lights().len() {
@@ -121,6 +120,7 @@ impl Document {
         }
         let old_views = std::iter::once(old.front).chain(std::mem::take(&mut old.behind));
         for (view, old) in std::iter::once(&mut self.front).chain(&mut self.behind).zip(old_views) {
+            view.compare.snapshots = old.compare.snapshots.carried(view.size(), carry);
             let same_size = old.size() == view.size();
             view.view.go_on(old.view, same_size.then_some(1.0));
             view.files.go_on(old.files);
@@ -249,10 +249,9 @@ impl Document {
 
     /// Whether the whole image is complete and nothing is pending.
     pub(super) fn is_settled(&self) -> bool {
-        let has_come = self.front.requests.are_answered() && self.front.shown.valued == self.front.shown.seen;
         let is_measured = !self.front.compare.is_measuring() && !self.front.surfaces.is_reading();
         let nothing_asked = !self.front.view.select_strongest && !self.front.compare.is_relighting && is_measured;
-        let is_done = self.front.shown.progress.is_complete() && has_come && nothing_asked && !self.files.any_open();
+        let is_done = self.front.is_ready() && nothing_asked && !self.files.any_open();
         is_done && self.are_settled_behind()
     }
 

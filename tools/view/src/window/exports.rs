@@ -19,11 +19,11 @@ use ltm::relight::relight_streaming;
 /// Writes the lighting.
 pub(super) fn write_look(document: &mut Document, path: PathBuf) {
     let message = format!("Saved {}", path.display());
-    let (basis, saved) = (document.basis().clone(), Box::new(document.saved()));
+    let (basis, saved) = (Box::new(document.basis().clone()), Box::new(document.saved()));
     let revision = document.front.compare.snapshots.revision();
     document.start_job(move || {
         looks::save(&path, &basis, &saved, true)?;
-        Ok(Brought::Wrote { path, saved, revision, message })
+        Ok(Brought::Wrote { path, saved, basis, revision, message })
     });
 }
 

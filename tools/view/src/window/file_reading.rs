@@ -6,12 +6,13 @@ use std::sync::Arc;
 use super::document::Document;
 use super::file_jobs::name_of;
 use crate::looks::{self, Saved};
-use crate::mixer::LightMix;
+use crate::mixer::{LightMix, Mix};
 use crate::pattern::Pattern;
 use crate::unsaved::LeftBehind;
 use crate::worker::Brought;
 use ltm::error::{Error, Result};
 use ltm::image::{LinearImage, read_image as read_file};
+use ltm::light::LightBasis;
 
 /// Reads an image for a light, or as a reference.
 pub(super) fn read_image(document: &mut Document, path: PathBuf, light: Option<usize>) {
@@ -20,18 +21,20 @@ pub(super) fn read_image(document: &mut Document, path: PathBuf, light: Option<u
 
 /// Reads a lighting file.
 pub(super) fn read_look(document: &mut Document, path: PathBuf) {
-    let basis = document.basis().clone();
-    let read = move || looks::load(&path, &basis).map(|saved| (Box::new(saved), path));
-    document.start_job(move || read().map(|(saved, path)| Brought::Look { path, saved }));
+    let basis = Box::new(document.basis().clone());
+    document.start_job(move || {
+        let saved = Box::new(looks::load(&path, &basis)?);
+        Ok(Brought::Look { path, saved, basis })
+    });
 }
 
 /// Goes on with work that an earlier window left behind.
 pub(super) fn recover(document: &mut Document, left: LeftBehind) {
-    let basis = document.basis().clone();
+    let basis = Box::new(document.basis().clone());
     // Where it cannot be read it stays for another time.
     document.start_job(move || {
         let saved = Box::new(looks::load(&left.look(), &basis)?);
-        Ok(Brought::Recovered { saved, left })
+        Ok(Brought::Recovered { saved, basis, left })
     });
 }
 
@@ -39,19 +42,22 @@ pub(super) fn recover(document: &mut Document, left: LeftBehind) {
 pub(super) fn take_file(document: &mut Document, brought: Brought) -> Result<String> {
     match brought {
         Brought::Message(message) => Ok(message),
-        Brought::Wrote { path, saved, revision, message } => {
+        Brought::Wrote { path, saved, basis, revision, message } => {
+            let saved = over_all_lights(document, *saved, &basis);
             document.work.is_kept(path, saved.mix, revision);
             Ok(message)
         }
-        Brought::Look { path, saved } => {
+        Brought::Look { path, saved, basis } => {
             let message = format!("Loaded {}", path.display());
+            let saved = over_all_lights(document, *saved, &basis);
             let mix = saved.mix.clone();
-            take_look(document, *saved);
+            take_look(document, saved);
             document.work.is_kept(path, mix, document.front.compare.snapshots.revision());
             Ok(message)
         }
-        Brought::Recovered { saved, left } => {
-            take_look(document, *saved);
+        Brought::Recovered { saved, basis, left } => {
+            let saved = over_all_lights(document, *saved, &basis);
+            take_look(document, saved);
             document.autosave.recovered = Some(left);
             Ok("Recovered unsaved work; save it to keep it".to_owned())
         }
@@ -65,6 +71,17 @@ pub(super) fn take_file(document: &mut Document, brought: Brought) -> Result<Str
         Brought::SnapshotImage { name, .. } => Ok(name),
         Brought::Surfaces(_) | Brought::Difference(..) => Ok(String::new()),
     }
+}
+
+/// A lighting file's content over all lights: it is over those that there were when the job began, and views may have been added since.
+fn over_all_lights(document: &Document, mut saved: Saved, before: &LightBasis) -> Saved {
+    let all = document.basis();
+    if before.lights().len() < all.lights().len() {
+        let grown = |mix: &Mix| mix.grown(before, all, &document.work.scene);
+        saved.mix = grown(&saved.mix);
+        saved.snapshots.iter_mut().for_each(|(_, mix)| *mix = grown(mix));
+    }
+    saved
 }
 
 /// Takes a lighting file's content instead of the mix, as one step, and of the snapshots.

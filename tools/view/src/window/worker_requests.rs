@@ -105,10 +105,7 @@ fn refresh_features(document: &mut Document, context: &egui::Context) {
 
 /// Measures how far the picture and the compared one are apart, once both stand.
 fn compare_pictures(document: &mut Document, held: bool) {
-    let stands = document.front.requests.are_answered()
-        && document.front.shown.valued == document.front.shown.seen
-        && document.front.requests.lit.as_ref() == Some(&document.work.mix)
-        && document.front.shown.progress.is_complete();
+    let stands = document.front.is_lit_by(&document.work.mix);
     let (Some(compared), Some(image)) = (document.front.compare.compared(), document.front.shown.image.clone()) else {
         return document.front.compare.forget_difference();
     };

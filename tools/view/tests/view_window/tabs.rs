@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use eframe::egui::{Key, Modifiers, Rect, pos2, vec2};
 use ltm::container::ContainerReader;
+use ltm::image::{LinearImage, write_exr};
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
 use ltm_view::{WindowOptions, looks};
@@ -253,8 +254,15 @@ fn several_files_are_chosen_together() {
         let is_row = |(row, place): &&(String, Rect)| row.starts_with(name) && middle.contains(place.center());
         driver.widgets().iter().find(is_row).unwrap_or_else(|| panic!("{name}: {:?}", driver.widgets())).1
     };
-    driver.click(row(&driver, "bar.ltc").center());
+    let bar = row(&driver, "bar.ltc").center();
+    driver.click(bar);
     driver.settle();
+    // The one that is chosen is let go, and taken again.
+    for _ in 0..2 {
+        driver.click_with(bar, CTRL);
+        driver.settle();
+        assert!(!driver.says("2 files"));
+    }
     driver.click_with(row(&driver, "lobby.ltc").center(), CTRL);
     driver.settle();
     driver.find_containing("2 files");
@@ -303,6 +311,12 @@ fn resident(driver: &Driver) -> String {
 fn reload_keeps_the_tabs() {
     let (_folder, paths) = lobby_and_bar();
     let mut driver = open(&paths);
+    let reference = paths[0].with_file_name("photo.exr");
+    write_exr(&reference, &LinearImage::black(container::STAGE[0], container::STAGE[1])).unwrap();
+    let picture = driver.find("picture").center();
+    driver.drop_file(&reference, picture);
+    driver.settle();
+    assert!(driver.has("photo.exr"));
     driver.key(Key::Tab, CTRL);
     driver.key(Key::Num0, CTRL);
     press(&mut driver, "desk, on");
@@ -314,6 +328,7 @@ fn reload_keeps_the_tabs() {
     assert_eq!((driver.title(), lit(&driver, 3), driver.has("100 %")), ("● bar.ltc – ltm", vec![0, 2], true));
     driver.key(Key::Tab, CTRL);
     assert_eq!((lit(&driver, 2), driver.has("100 %")), (vec![0], false));
+    assert!(driver.has("photo.exr"), "the reference of the tab behind");
 }
 
 fn frames_of_an_animation_are_gone_through_under_one_mix() {

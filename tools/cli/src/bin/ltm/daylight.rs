@@ -254,13 +254,12 @@ fn told(name: &str, year: &DaylightYear) -> String {
     let class = ["none", "minimum", "medium", "high"][space.en_17037_class()];
     let exposure = space.sunlight_exposure().map_or("unknown".to_owned(), |percent| format!("{percent:.1} %"));
     say!("{name}: sDA300,50 {:.1} %, ASE1000,250 {exposure}, EN 17037 {class}", space.spatial_autonomy());
-    let told = (0..7).chain([ANNUAL_MEASURES.len() - 1]);
-    let means: Vec<(usize, String)> = told.map(|measure| (measure, format!("{:.3}", space.mean(measure)))).collect();
-    for (measure, mean) in &means {
-        let (measure, unit) = ANNUAL_MEASURES[*measure];
+    let mut means = Vec::new();
+    for measure in (0..7).chain([ANNUAL_MEASURES.len() - 1]) {
+        let ((measure, unit), mean) = (ANNUAL_MEASURES[measure], format!("{:.3}", space.mean(measure)));
         say!("{name}: mean {measure} {mean} {unit}");
+        means.push(mean);
     }
-    let means: Vec<String> = means.into_iter().map(|(_, mean)| mean).collect();
     if space.sunlight_exposure().is_none() {
         say!("{name}: direct sun is told of a sky with split = true alone, by sensors and by pictures with --no-pack");
     }

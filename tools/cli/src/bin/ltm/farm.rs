@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use ltm::blob_store::BlobStore;
 use ltm::farm::{FarmJob, Next, Round, Shards, WorkFolders, find_unit};
@@ -30,8 +30,8 @@ pub(crate) struct Build {
     #[arg(long, conflicts_with = "blocks")]
     range: Option<usize>,
     /// The round whose unit it is, as ltm merge --rounds lists it.
-    #[arg(long, value_parser = PossibleValuesParser::new(Round::NAMES.map(|(name, _)| name)), default_value = "trace")]
-    round: String,
+    #[arg(long, value_parser = round_parser(), default_value = "trace")]
+    round: Round,
     /// The place for the shards: a folder, or s3://BUCKET/PREFIX.
     #[arg(long)]
     out: String,
@@ -52,6 +52,12 @@ pub(crate) struct Build {
     memory: Option<u64>,
 }
 
+/// Reads the name of a round.
+fn round_parser() -> impl TypedValueParser<Value = Round> {
+    let names = PossibleValuesParser::new(Round::NAMES.map(|(name, _)| name));
+    names.try_map(|name| Round::named(&name).ok_or("it is no round"))
+}
+
 /// How missing ranges are listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Listing {
@@ -63,8 +69,7 @@ pub(crate) enum Listing {
 
 pub(crate) fn build(options: &Build, console: &Console) -> Result<()> {
     let plan = Planned::read(&options.plan)?;
-    let named = Round::NAMES.iter().find(|(name, _)| *name == options.round);
-    let round = named.map_or(Round::Trace, |&(_, round)| round);
+    let round = options.round;
     let unit = match (&options.blocks, options.range) {
         (Some(blocks), _) => blocks.clone(),
         (None, number) => {

@@ -70,7 +70,8 @@ enum Command {
     #[command(after_help = "Examples:
   ltm build --plan room.plan.json --range 7 --out shards
   ltm build --plan room.plan.json --blocks 0..64 --out /shared/shards
-  ltm build --plan room.plan.json --range 7 --out s3://bucket/room")]
+  ltm build --plan room.plan.json --range 7 --out s3://bucket/room
+  ltm build --plan room.plan.json --round clean --range 0 --out shards    a unit that ltm merge --rounds lists")]
     Build(farm::Build),
     /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
     #[command(after_help = "Examples:
@@ -116,7 +117,8 @@ enum Command {
 one is missing, after a line FIRST..END for each range to build. Examples:
   ltm merge -o whole.ltm part-*.ltm
   ltm merge --plan room.plan.json shards -o room.ltc
-  ltm merge --plan room.plan.json shards -o room.ltc --list=array     for Slurm's --array"
+  ltm merge --plan room.plan.json shards -o room.ltc --list=array     for Slurm's --array
+  ltm merge --plan room.plan.json shards -o room.ltc --rounds         units of the next round for ltm build, or the container"
     )]
     Merge(maintain::Merge),
     /// Measure what the program reaches: each study writes CSV, a plot and a table. A program of its own, ltm-study.

@@ -131,7 +131,8 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
         human_bytes(whole.1),
     );
     say!(
-        "next: ltm build --plan {} --range 0 --out shards, for each range; then ltm merge --plan {} shards -o {}",
+        "next: ltm build --plan {} --range 0 --out shards, for each range; then ltm merge --plan {} shards -o {}, which does the rest \
+         here, or with --rounds lists what ltm build --round can do of it elsewhere",
         output.display(),
         output.display(),
         stem.with_extension("ltc").display()
@@ -260,15 +261,12 @@ impl Planned {
 
     /// The units of a round.
     pub(crate) fn units(&self, round: Round) -> Result<Vec<Range<u32>>> {
-        if round != Round::Clean {
-            return Ok(self.ranges.clone());
-        }
         let number = |name: &str| self.value["shape"][name].as_u64().and_then(|number| u32::try_from(number).ok());
         let sides = number("width").zip(number("height")).zip(number("columns").zip(number("block_side")));
         let ((width, height), (columns, side)) = sides.ok_or_else(|| {
             Error::input(self.path.display().to_string(), "has no usable shape", "make it again with ltm plan")
         })?;
-        Ok(ltm::farm::windows(MatrixShape::new(width, height, columns, side)?))
+        Ok(round.units(MatrixShape::new(width, height, columns, side)?, &self.ranges))
     }
 
     /// Numbers of the ranges that have a block in one of these.

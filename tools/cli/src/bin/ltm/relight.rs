@@ -96,26 +96,24 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
     if let Some(frames) = sequence::frames(&options.input, options.frames.as_ref())? {
         return relight_sequence(options, &frames, format, console);
     }
+    let daylight = options.daylight.moment(console)?;
     match kind_of(&options.input)? {
         Kind::Container => {
             if options.layers == Some(Layers::Passes) {
                 return Err(only_a_matrix(&options.input, "passes"));
             }
             let container = open_container(&options.input)?;
-            let task = Task::new(options, container.job(), format, None, console)?;
+            let task = Task::new(options, container.job(), format, daylight.as_ref(), None)?;
             let relighter = Relighter::open(&container, task.settings(), console)?;
             task.run(&|lighting| relit(options, &options.input, &relighter, lighting), console)?;
             say!("{}: relit by {}", options.output.display(), relighter.description());
             let damage = relighter.damage();
             damage.iter().for_each(|line| console.note(line));
-            if !damage.is_empty() {
-                let problem = format!("{} damaged blocks are not shown as they were", damage.len());
-                return Err(Error::damaged(&options.input, problem, "pack it again to have all"));
-            }
+            shown_as_they_were(&options.input, damage.len())?;
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
-            let task = Task::new(options, matrix.job(), format, None, console)?;
+            let task = Task::new(options, matrix.job(), format, daylight.as_ref(), None)?;
             if options.layers == Some(Layers::Passes) {
                 return task.write_passes(&matrix);
             }
@@ -149,7 +147,8 @@ fn relit(options: &Relight, input: &Path, relighter: &Relighter<'_>, lighting: &
     }
 }
 
-/// Relights the containers of a sequence by one look. The first frame exposes all; an animated look goes on with the frames.
+/// Relights the containers of a sequence by one look. The first frame that is asked for exposes all; an animated look goes on with the frames
+/// that are there, whichever of them are asked for.
 fn relight_sequence(options: &Relight, frames: &[(usize, PathBuf)], format: Format, console: &Console) -> Result<()> {
     let place = options.output.display().to_string();
     if options.layers.is_some() {
@@ -160,9 +159,11 @@ fn relight_sequence(options: &Relight, frames: &[(usize, PathBuf)], format: Form
         frame_path(&options.output, frame).ok_or_else(|| Error::input(&*place, "would be that of every frame", hint))
     };
     named(0)?;
-    let mut writer: Option<Writer> = None;
+    let all = sequence::frames(&options.input, None)?.unwrap_or_default();
+    let daylight = options.daylight.moment(console)?;
+    let (mut writer, mut damaged): (Option<Writer>, usize) = (None, 0);
     console.begin("frames", frames.len() as u64, "frames");
-    let written = frames.iter().enumerate().try_for_each(|(at, (frame, input))| {
+    let written = frames.iter().try_for_each(|(frame, input)| {
         if console.interrupted() {
             return Err(Error::interrupted(format!("frames before {frame} are written")));
         }
@@ -171,9 +172,13 @@ fn relight_sequence(options: &Relight, frames: &[(usize, PathBuf)], format: Form
             return Err(Error::input(input.display().to_string(), "a sequence is of containers", hint));
         }
         let container = open_container(input)?;
-        let task = Task::new(options, container.job(), format, Some(at), console)?;
+        let at = all.partition_point(|(other, _)| other < frame);
+        let task = Task::new(options, container.job(), format, daylight.as_ref(), Some(at))?;
         let relighter = Relighter::open(&container, task.settings(), &NoProgress)?;
         let image = relit(options, input, &relighter, &task.lighting)?;
+        let damage = relighter.damage();
+        damage.iter().for_each(|line| console.note(&format!("{}: {line}", input.display())));
+        damaged += damage.len();
         let mut say = |line: String| say!("{place}: {line}");
         writer
             .get_or_insert_with(|| options.picture.writer(format, &image, &mut say))
@@ -184,7 +189,16 @@ fn relight_sequence(options: &Relight, frames: &[(usize, PathBuf)], format: Form
     console.end();
     written?;
     say!("{place}: {} frames", frames.len());
-    Ok(())
+    shown_as_they_were(&options.input, damaged)
+}
+
+/// Refuses to call pictures whole that were made with damaged blocks.
+fn shown_as_they_were(input: &Path, damaged: usize) -> Result<()> {
+    if damaged == 0 {
+        return Ok(());
+    }
+    let problem = format!("{damaged} damaged blocks are not shown as they were");
+    Err(Error::damaged(input, problem, "pack it again to have all"))
 }
 
 fn write_features(options: &Relight, format: Format, console: &Console) -> Result<()> {
@@ -217,7 +231,7 @@ struct Task<'a> {
     lighting: Lighting,
     look: Option<Look>,
     /// The daylight beside the lamps.
-    daylight: Option<Moment>,
+    daylight: Option<&'a Moment>,
     /// The columns that are on.
     on: Option<Vec<u32>>,
     /// Frames of an animation; none for a still.
@@ -230,12 +244,11 @@ impl<'a> Task<'a> {
         options: &'a Relight,
         job: &'a Job,
         format: Format,
+        daylight: Option<&'a Moment>,
         frame: Option<usize>,
-        console: &Console,
     ) -> Result<Self> {
         let load = |path| load_look(path, &job.basis, options.allow_outside);
         let look = options.lighting.as_deref().map(load).transpose()?;
-        let daylight = options.daylight.moment(console)?;
         let lamps = match (&look, &options.look) {
             (Some(look), Some(name)) => look.named(name)?.clone(),
             (Some(look), None) => match (frame, look.keys().next()) {
@@ -269,12 +282,12 @@ impl<'a> Task<'a> {
             };
             return Err(Error::input(place, problem, hint));
         }
-        if !is_animation && daylight.as_ref().is_some_and(|moment| moment.frames().is_some()) {
-            return Err(Error::input(
-                "--at",
-                "is a day without a time",
-                "add HH:MM, or put #### into the output's name",
-            ));
+        if !is_animation && daylight.is_some_and(|moment| moment.frames().is_some()) {
+            let hint = match frame {
+                Some(_) => "add HH:MM: each frame of a sequence is lit as at one time",
+                None => "add HH:MM, or put #### into the output's name",
+            };
+            return Err(Error::input("--at", "is a day without a time", hint));
         }
         if options.frames.is_some() && frames == 0 && frame.is_none() {
             return Err(Error::input(place, "--frames is of an animation", "put #### into the name"));

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::container::ContainerReader;
-use ltm::light::Lighting;
+use ltm::light::{Light, LightBasis, Lighting};
 use ltm::look::Look;
 use ltm::pipeline::{self, ShareOptions, ShareView};
 use ltm::resources::{Progress, human_bytes, parse_bytes};
@@ -91,10 +91,13 @@ pub(crate) fn run(options: &Share, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// Whether another view has a light of a name of this one's.
+/// Whether another view has a light of this one: the page takes for the same what has one name, as many texels, and one unit.
 fn shares_lights(view: &ShareView<'_>, views: &[ShareView<'_>]) -> bool {
     let others = || views.iter().filter(|other| other.name != view.name).map(|other| &other.container.job().basis);
-    view.container.job().basis.lights().iter().any(|light| others().any(|other| other.find(&light.name).is_some()))
+    let has = |basis: &LightBasis, light: &Light| {
+        basis.find(&light.name).is_some_and(|own| own.layout() == light.layout() && own.unit == light.unit)
+    };
+    view.container.job().basis.lights().iter().any(|light| others().any(|other| has(other, light)))
 }
 
 /// Adds the looks and groups of a look file.
