@@ -52,14 +52,15 @@
 //! | module | may import |
 //! |---|---|
 //! | `error`, `decimal`, `encoding`, `sections`, `simd` | nothing |
-//! | `files`, `matrix` | `error` |
+//! | `files` | `error` |
+//! | `matrix` | `error`, `encoding` |
 //! | `image` | `error`, `files`, `matrix`, `resources` |
 //! | `light` | `error`, `encoding`, `sections`, `matrix` |
 //! | `daylight` | `error`, `files`, `light`, `image` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `decimal`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene`, `resources` |
-//! | `compress` | `error`, `matrix`, `light`, `resources`, `simd` |
+//! | `compress` | `error`, `encoding`, `matrix`, `light`, `resources`, `simd` |
 //! | `store` | `error`, `files`, `matrix`, `light`, `resources` |
 //! | `container` | `error`, `encoding`, `sections`, `files`, `matrix`, `light`, `resources` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
@@ -68,7 +69,7 @@
 //! | `block_records` | `error`, `files`, `resources` |
 //! | `denoise` | `error`, `files`, `matrix`, `image`, `light`, `compress`, `resources`, `block_records`, `simd` |
 //! | `error_estimate` | `error`, `matrix`, `image`, `light`, `store`, `resources`, `denoise` |
-//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate`, `daylight` |
+//! | `pipeline` | `error`, `encoding`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate`, `daylight` |
 //! | `memory_matrix` | `error`, `matrix`, `image`, `light` |
 //! | `open` | `error`, `matrix`, `image`, `light`, `store`, `container`, `relight`, `pipeline`, `resources`, `blob_store` |
 //! | `make` | `error`, `light`, `scene`, `pipeline`, `resources` |

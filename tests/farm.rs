@@ -78,10 +78,12 @@ fn any_ranges_in_any_order_give_the_bytes_of_one_machine() {
         ("diffuse", PackOptions { compress: slope(Target::Bytes(20_000)), ..options(false) }),
         ("diffuse", PackOptions { compress: CompressSettings::of_method(Method::BlockSvd), ..options(false) }),
     ];
-    for (name, options) in cases {
+    for (at, (name, options)) in cases.into_iter().enumerate() {
         let folder = tempfile::tempdir().unwrap();
         let expected = single(name, &options, folder.path());
-        for most in [3, BLOCKS] {
+        // Short ranges and long ones: both in the first case, in turn in the others.
+        let mosts = if at == 0 { &[3, BLOCKS][..] } else { &[[3, BLOCKS][at % 2]] };
+        for &most in mosts {
             let depot = BlobStore::open(folder.path().join(most.to_string()).to_str().unwrap()).unwrap();
             let mut ranges = Vec::new();
             let mut first = 0;
@@ -98,7 +100,7 @@ fn any_ranges_in_any_order_give_the_bytes_of_one_machine() {
             assert!(merge(name, &options, &depot, folder.path()) == expected, "{name}, up to {most} blocks");
         }
         let left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
-        assert_eq!(left.len(), 2, "{left:?}");
+        assert_eq!(left.len(), mosts.len(), "{left:?}");
     }
 }
 

@@ -177,6 +177,40 @@ fn one_rendering_is_cleaned_and_what_its_groups_lack_stays_in_the_sum() {
     }
 }
 
+/// More groups than traced lights have clusters: each is still denoised for itself.
+#[test]
+fn forty_groups_are_cleaned() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second, to] = ["1.exr", "2.exr", "clean.exr"].map(|name| folder.path().join(name));
+    let name = |group: usize, letter: &str| format!("V.Combined_lamp {group:02}.{letter}");
+    let write = |path: &Path, seed: usize| {
+        let mut channels = Vec::new();
+        for (colour, letter) in ["R", "G", "B"].into_iter().enumerate() {
+            let light = |group: usize, pixel: usize| noisy(group % 3, pixel, 2 * group + seed)[colour];
+            channels.extend((0..40).map(|group| channel(name(group, letter), plane(|p| light(group, p), false))));
+            let sum = plane(|pixel| (0..40).map(|group| light(group, pixel)).sum(), false);
+            channels.push(channel(format!("V.Combined.{letter}"), sum));
+        }
+        channels.sort_by(|a, b| a.name.as_slice().cmp(b.name.as_slice()));
+        let channels = AnyChannels { list: SmallVec::from_vec(channels) };
+        let layer = Layer::new((WIDTH, HEIGHT), LayerAttributes::default(), ENCODINGS[0], channels);
+        let frame = ImageAttributes::new(IntegerBounds::from_dimensions((WIDTH, HEIGHT)));
+        Image::new(frame, layer).write().to_file(path).unwrap();
+    };
+    write(&first, 0);
+    write(&second, 1);
+    clean(&first, Some(&second), &to).unwrap();
+    let (before, after) = (channels_of(&first), channels_of(&to));
+    for group in 0..40 {
+        let [old, new] = [&before, &after].map(|found| {
+            let values = found[&name(group, "R")].values_as_f32();
+            let square = |(pixel, value): (usize, f32)| (value - truth(group % 3, pixel)[0]).powi(2);
+            values.enumerate().map(square).sum::<f32>().sqrt()
+        });
+        assert!(new < 0.25 * old, "group {group}: {new} of {old}");
+    }
+}
+
 /// Primaries of ACEScg: what is read as Rec. 709 comes back in the file's own colours.
 #[test]
 fn cleaned_files_keep_their_colour_space() {

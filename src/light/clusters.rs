@@ -4,6 +4,8 @@ use super::{Light, LightBasis, LightKind};
 
 /// Up to this many columns are clusters of their own.
 const SINGLE_COLUMNS: usize = 32;
+/// Up to this many lights that are known by their images alone are clusters of their own: there is no place to group them by.
+const SINGLE_IMAGES: usize = 256;
 /// Clusters of a basis with more columns, at most.
 const MAX_CLUSTERS: usize = 24;
 /// Clusters of one light, at most.
@@ -15,7 +17,7 @@ const ITERATIONS: usize = 32;
 
 /// A partition of the columns of a basis: `S`, the 0/1 matrix columns × clusters. It follows from the basis alone.
 ///
-/// At most 32 columns are each a cluster. Of more, a light with texels is cut into nearly square rectangles of its grid,
+/// At most 32 columns are each a cluster, and at most 256 lights that are known by their images alone. Of more, a light with texels is cut into nearly square rectangles of its grid,
 /// larger lights into more of them; single lamps are grouped by place, suns by direction. The brightest texels of the scene's own
 /// lighting, such as the sun in an environment's map, are then clusters of their own, as far as there are clusters left.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,8 +33,10 @@ struct LightPart<'a> {
 }
 
 impl Clusters {
-    /// Most clusters of any basis.
-    pub const MAX: usize = if SINGLE_COLUMNS > MAX_CLUSTERS { SINGLE_COLUMNS } else { MAX_CLUSTERS };
+    /// Most clusters of any basis: lights that are known by their images alone.
+    pub const MAX: usize = SINGLE_IMAGES;
+    /// Most clusters of a basis of other lights.
+    pub const MAX_WITH_PLACES: usize = if SINGLE_COLUMNS > MAX_CLUSTERS { SINGLE_COLUMNS } else { MAX_CLUSTERS };
 
     /// The clusters of a basis.
     pub fn of_basis(basis: &LightBasis) -> Self {
@@ -51,7 +55,8 @@ impl Clusters {
     /// The clusters of a basis as the first planes of the format had them: without any for the brightest texels.
     pub(crate) fn by_place(basis: &LightBasis) -> Self {
         let columns = basis.column_count();
-        if columns <= SINGLE_COLUMNS {
+        let are_images = basis.lights().iter().all(|light| light.kind == LightKind::Image);
+        if columns <= if are_images { SINGLE_IMAGES } else { SINGLE_COLUMNS } {
             return Self { of_column: (0..columns as u16).collect(), count: columns };
         }
         let mut of_column = vec![0; columns];
@@ -228,6 +233,8 @@ mod tests {
 
     #[test]
     fn few_columns_are_clusters_of_their_own() {
+        let images = Clusters::of_basis(&basis((0..100).map(|i| (LightKind::Image, i as f32))));
+        assert_eq!(images.of_column(), (0..100).collect::<Vec<_>>());
         let clusters = Clusters::of_basis(&basis((0..32).map(|i| (LightKind::Point, i as f32))));
         assert_eq!(clusters.of_column(), (0..32).collect::<Vec<_>>());
         assert_eq!(Clusters::of_basis(&LightBasis::new()).count(), 0);

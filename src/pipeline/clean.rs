@@ -12,6 +12,7 @@ use crate::denoise::{DENOISER_VERSION, DenoisedSource};
 use crate::error::{Error, Hint, Result};
 use crate::files::check_output;
 use crate::image::LightSet;
+use crate::light::Clusters;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, TracedBlock};
 use crate::resources::{JobStage, MemoryNeed, PerThread, Progress, ResourceEstimate, Threads};
 use crate::store;
@@ -43,7 +44,7 @@ pub fn clean_images(
     set.check_rewrite(to)?;
     let (job, shape) = (matrix.job(), matrix.shape());
     if !matrix.is_denoised() {
-        let problem = format!("{} lights are too many to be denoised: at most 32 are", shape.columns());
+        let problem = format!("{} lights are too many to be denoised: at most {} are", shape.columns(), Clusters::MAX);
         return Err(Error::input(to.display().to_string(), problem, Hint::FewerLights));
     }
     let size = (shape.width() as usize, shape.height() as usize);

@@ -101,7 +101,9 @@ struct KnownNoise {
     features: ImportedFeatures,
     /// Columns × probes, see [`probe_lightings`].
     probes: Vec<f32>,
-    /// Whether images can be denoised: every column is a cluster of its own.
+    /// Whether images are to be denoised.
+    wants_denoising: bool,
+    /// Whether they can be: every column is a cluster of its own.
     denoises: bool,
 }
 
@@ -162,7 +164,8 @@ impl ImportedMatrix {
                 second: noise.second().map(|second| read(second.set, "the second rendering")).transpose()?,
                 features: ImportedFeatures::read(noise.features(), (set.width, set.height), beside, threads)?,
                 probes: Vec::new(),
-                denoises: false,
+                wants_denoising: options.denoise,
+                denoises: true,
             }),
         };
         let mut imported = Self {
@@ -186,15 +189,20 @@ impl ImportedMatrix {
         if !adds_up && set.matches.iter().any(denoised) {
             imported.warnings.push("the file has denoising passes: denoised light groups no longer add up");
         }
-        let columns = imported.job.shape.columns();
-        if let Some(known) = &mut imported.known {
-            known.probes = probe_lightings(&imported.job.basis);
-            known.denoises = can_be_denoised(&imported.job);
-            if options.denoise && !known.denoises {
-                imported.warnings.push(format!("{columns} lights are too many to be denoised: at most 32 are"));
-            }
-        }
+        imported.prepare_denoising();
         Ok(imported)
+    }
+
+    /// Takes up the lights as they are now where the noise is known.
+    fn prepare_denoising(&mut self) {
+        let Some(known) = &mut self.known else { return };
+        known.probes = probe_lightings(&self.job.basis);
+        let could = std::mem::replace(&mut known.denoises, can_be_denoised(&self.job));
+        if known.wants_denoising && could && !known.denoises {
+            let (columns, most) = (self.job.shape.columns(), Clusters::MAX);
+            let most = format!("at most {most} images are, {} as texels of one light", Clusters::MAX_WITH_PLACES);
+            self.warnings.push(format!("{columns} lights are too many to be denoised: {most}"));
+        }
     }
 
     /// Treats the images as those of the texels of one light, row by row: a textured panel, or a sky. The rest of the
@@ -218,10 +226,7 @@ impl ImportedMatrix {
         std::iter::once(light).chain(rest).try_for_each(|light| basis.push(light))?;
         self.job.basis = basis;
         self.set_column_scales()?;
-        if let Some(known) = &mut self.known {
-            known.probes = probe_lightings(&self.job.basis);
-            known.denoises = can_be_denoised(&self.job);
-        }
+        self.prepare_denoising();
         Ok(())
     }
 
