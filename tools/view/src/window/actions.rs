@@ -9,7 +9,7 @@ use super::light_list::{lights_of, search_id};
 use super::message::Message;
 use super::selection;
 use super::shown_picture::colour_image;
-use super::view_state::Beside;
+use super::view_state::{Beside, STEP};
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +47,12 @@ pub(super) enum Action {
     ActualSize,
     ZoomIn,
     ZoomOut,
+    /// Look around in a panorama, or see it flat.
+    LookAround,
+    TurnLeft,
+    TurnRight,
+    TurnUp,
+    TurnDown,
     Undo,
     Redo,
     ResetLights,
@@ -102,10 +108,21 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::ResetDisplay => document.reset_display(),
         Action::NextCurve => document.display = document.display.next(false),
         Action::LastCurve => document.display = document.display.next(true),
-        Action::Fit => document.front.view.viewport.fit(),
-        Action::ActualSize => document.front.view.viewport.one_to_one(context.pixels_per_point()),
-        Action::ZoomIn => document.front.view.viewport.zoom_about([0.0; 2], 1.25),
-        Action::ZoomOut => document.front.view.viewport.zoom_about([0.0; 2], 0.8),
+        Action::Fit => document.front.view.fit(),
+        Action::ActualSize => {
+            let [width, _] = document.size();
+            document.front.view.one_to_one(width, context.pixels_per_point());
+        }
+        Action::ZoomIn => document.front.view.zoom_about([0.0; 2], 1.25),
+        Action::ZoomOut => document.front.view.zoom_about([0.0; 2], 0.8),
+        Action::LookAround => {
+            let view = &mut document.front.view;
+            view.is_around = view.look.is_some() && !view.is_around;
+        }
+        Action::TurnLeft => document.front.view.turn([-STEP, 0.0]),
+        Action::TurnRight => document.front.view.turn([STEP, 0.0]),
+        Action::TurnUp => document.front.view.turn([0.0, STEP]),
+        Action::TurnDown => document.front.view.turn([0.0, -STEP]),
         // The frames of an animation that are open are no tabs.
         Action::Tab(_) | Action::NextTab | Action::LastTab | Action::CloseTab if document.frames.is_some() => {}
         Action::Tab(tab) => document.show_tab(tab),

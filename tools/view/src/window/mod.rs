@@ -33,6 +33,7 @@ mod outline_panel;
 mod pattern_editor;
 mod pattern_panel;
 mod picture_panel;
+mod picture_place;
 mod question;
 mod renaming;
 mod render_bar;

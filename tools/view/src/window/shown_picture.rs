@@ -17,6 +17,18 @@ use ltm::relight::CpuRelighter;
 const RATE_PICTURES: usize = 24;
 const REST_SECS: f64 = 0.5;
 
+/// How a picture is seen between the middles of its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Sampling {
+    /// Pixels are squares when they are large.
+    #[default]
+    Squares,
+    /// They run into each other.
+    Smooth,
+    /// So, and at the right edge into those at the left one: as one looks around in a panorama.
+    Around,
+}
+
 /// Cost of the last drag.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Latency {
@@ -53,6 +65,8 @@ pub(super) struct ShownPicture {
     pub(super) valued: u64,
     /// Whether larger pixels run into each other: of an early picture they mean nothing by themselves.
     pub(super) is_smooth: bool,
+    /// Whether one looks around in it.
+    is_around: bool,
     /// What its texture is called.
     name: String,
     texture: Option<TextureHandle>,
@@ -80,6 +94,7 @@ impl ShownPicture {
             seen: 0,
             valued: 0,
             is_smooth: false,
+            is_around: false,
             name,
             texture: None,
             stand_in: None,
@@ -97,8 +112,7 @@ impl ShownPicture {
         self.stand_in = None;
         match (picture.seen, &self.state) {
             (Seen::Bytes(shown, image), _) => {
-                let filter = if self.is_smooth { egui::TextureFilter::Linear } else { egui::TextureFilter::Nearest };
-                set_filtered_texture(context, &mut self.texture, &self.name, &shown, filter);
+                set_texture(context, &mut self.texture, &self.name, &shown, self.sampling());
                 self.screen = None;
                 return Some(PictureValues { generation: picture.generation, image, histogram: shown.histogram });
             }
@@ -113,10 +127,23 @@ impl ShownPicture {
         None
     }
 
+    fn sampling(&self) -> Sampling {
+        match (self.is_around, self.is_smooth) {
+            (true, _) => Sampling::Around,
+            (false, true) => Sampling::Smooth,
+            (false, false) => Sampling::Squares,
+        }
+    }
+
+    /// Shows further pictures as one looks around in them, or flat; whether that is another way than before.
+    pub(super) fn look_around(&mut self, is_around: bool) -> bool {
+        std::mem::replace(&mut self.is_around, is_around) != is_around
+    }
+
     /// The texture of the image.
     pub(super) fn id(&self) -> Option<TextureId> {
         let in_memory = || self.texture.as_ref().map(TextureHandle::id);
-        self.screen.as_ref().map(ScreenTexture::id).or_else(in_memory)
+        self.screen.as_ref().map(|screen| screen.id(self.sampling())).or_else(in_memory)
     }
 
     /// The texture to draw: that of another picture while there is none of this.
@@ -165,20 +192,19 @@ pub(super) fn colour_image(shown: &Shown) -> ColorImage {
     ColorImage::from_rgba_premultiplied(shown.size, &shown.rgba)
 }
 
-/// Sets a texture, or makes it. Its pixels are squares when they are large.
-pub(super) fn set_texture(context: &egui::Context, texture: &mut Option<TextureHandle>, name: &str, shown: &Shown) {
-    set_filtered_texture(context, texture, name, shown, egui::TextureFilter::Nearest);
-}
-
-/// As [`set_texture`], with what large pixels are filtered by.
-pub(super) fn set_filtered_texture(
+/// Sets a texture, or makes it.
+pub(super) fn set_texture(
     context: &egui::Context,
     texture: &mut Option<TextureHandle>,
     name: &str,
     shown: &Shown,
-    magnification: egui::TextureFilter,
+    sampling: Sampling,
 ) {
-    let options = TextureOptions { magnification, minification: egui::TextureFilter::Linear, ..Default::default() };
+    let options = match sampling {
+        Sampling::Squares => TextureOptions { magnification: egui::TextureFilter::Nearest, ..TextureOptions::LINEAR },
+        Sampling::Smooth => TextureOptions::LINEAR,
+        Sampling::Around => TextureOptions::LINEAR_REPEAT,
+    };
     let image = reduced(colour_image(shown), context.input(|input| input.max_texture_side));
     match texture {
         Some(texture) => texture.set(image, options),

@@ -81,6 +81,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             ui.separator();
             item(ui, &mut choice, Action::Fit, "Fit", true);
             item(ui, &mut choice, Action::ActualSize, "Actual size", true);
+            let way = if document.front.view.is_around { "See the panorama flat" } else { "Look around" };
+            item(ui, &mut choice, Action::LookAround, way, document.front.view.look.is_some());
             item(ui, &mut choice, Action::Normalise, "Automatic exposure", shown);
             item(ui, &mut choice, Action::NextCurve, "Next tone curve", true);
             ui.separator();

@@ -39,8 +39,9 @@ pub(crate) struct Driver {
     closed: bool,
     /// The newest bytes of each texture, by its name.
     textures: BTreeMap<String, Vec<u8>>,
-    /// Name of the texture that was drawn last as the picture.
+    /// Name of the texture that was drawn last as the picture, and how that is sampled.
     drawn: Option<String>,
+    sampled: Option<egui::TextureOptions>,
 }
 
 impl Driver {
@@ -134,6 +135,7 @@ impl Driver {
             closed: false,
             textures: BTreeMap::new(),
             drawn: None,
+            sampled: None,
         }
     }
 
@@ -169,8 +171,10 @@ impl Driver {
             }
         }
         for texture in output.shapes.iter().flat_map(|clipped| textures_of(&clipped.shape)) {
-            let name = self.context.tex_manager().read().meta(texture).map(|meta| meta.name.clone());
-            self.drawn = name.filter(|name| name.starts_with(PICTURE)).or(self.drawn.take());
+            let meta = self.context.tex_manager().read().meta(texture).map(|meta| (meta.name.clone(), meta.options));
+            if let Some((name, options)) = meta.filter(|(name, _)| name.starts_with(PICTURE)) {
+                (self.drawn, self.sampled) = (Some(name), Some(options));
+            }
         }
         for command in &output.platform_output.commands {
             if let egui::OutputCommand::CopyText(text) = command {
@@ -211,6 +215,11 @@ impl Driver {
     /// The bytes of the picture that was drawn last, RGBA.
     pub(crate) fn picture(&self) -> Vec<u8> {
         self.texture(self.drawn.as_deref().expect("no picture was drawn yet"))
+    }
+
+    /// How the picture that was drawn last is sampled.
+    pub(crate) fn sampled(&self) -> egui::TextureOptions {
+        self.sampled.expect("no picture was drawn yet")
     }
 
     /// Whether there is a picture of the view of this name, drawn or not.
