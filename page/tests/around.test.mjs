@@ -161,15 +161,15 @@ describe('a panorama on the page', { skip: !hasBrowser }, () => {
     return { width, height, data: Buffer.from(text, 'latin1') };
   };
   /** What is to be seen of the picture on the page. */
-  const expected = async (page, look, { width, height }) => {
+  const expected = (picture, look, { width, height }) => {
     const view = { width, height, data: new Uint8ClampedArray(4 * width * height) };
-    drawAround({ width: SIZE[0], height: SIZE[1], data: new Uint8ClampedArray(await pictureOf(page)) }, look, view, 0, width);
+    drawAround({ width: SIZE[0], height: SIZE[1], data: new Uint8ClampedArray(picture) }, look, view, 0, width);
     return view.data;
   };
   const shot = (page, name) => (SHOTS ? page.screenshot({ path: `${SHOTS}/${name}.png` }) : null);
   const sees = async (page, look, what) => {
     const view = await aroundOf(page);
-    const apart = difference(view.data, await expected(page, look, view));
+    const apart = difference(view.data, expected(await pictureOf(page), look, view));
     assert.ok(apart.lengths[0] === apart.lengths[1] && apart.largest <= 1, `${what}: ${JSON.stringify(apart)}`);
     return view;
   };
@@ -201,7 +201,7 @@ describe('a panorama on the page', { skip: !hasBrowser }, () => {
       for (let i = 0; i < 27; i++) await page.keyboard.press('ArrowRight');
       look.turn(27 * look.field / 12, 0);
       const { width, height } = await sees(page, look, 'behind');
-      assert.equal(Math.round(look.yaw / DEGREE), 180);
+      assert.equal(Math.abs(Math.round(look.yaw / DEGREE)), 180);
       await shot(page, `around-${way}-behind`);
       // A mix is seen in it too.
       await page.getByRole('button', { name: 'Evening' }).click();
@@ -292,15 +292,18 @@ describe('a panorama on the page', { skip: !hasBrowser }, () => {
     look.turn(-2 * look.field / 12, -look.field / 12);
     look.zoom(Math.SQRT2);
     const plain = await sees(page, look, 'turned');
+    const picture = await pictureOf(page);
     await page.waitForTimeout(600);
     const fragment = await page.evaluate(() => location.hash);
     await page.getByLabel('Compare with').selectOption({ label: 'Evening' });
     await settled(page);
+    // The room for the picture is another beside the wipe's slider.
     const both = await aroundOf(page);
+    const now = expected(picture, look, both);
     const half = Math.round(both.width / 2);
     const sides = [(i) => (i / 4) % both.width < half, (i) => (i / 4) % both.width >= half];
-    const [left, right] = sides.map((isIn) => difference(both.data.filter((_, i) => isIn(i)), plain.data.filter((_, i) => isIn(i))));
-    assert.ok(left.mean > 2 && right.largest === 0, JSON.stringify([left, right]));
+    const [left, right] = sides.map((isIn) => difference(both.data.filter((_, i) => isIn(i)), now.filter((_, i) => isIn(i))));
+    assert.ok(left.mean > 2 && right.largest <= 1, JSON.stringify([left, right]));
     await shot(page, 'around-wipe');
     const [line, stage] = [await page.locator('#line').boundingBox(), await page.locator('#stage').boundingBox()];
     assert.ok(Math.abs(line.x + 1 - stage.x - stage.width / 2) < 1.5);

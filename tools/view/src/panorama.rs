@@ -236,7 +236,8 @@ mod tests {
     #[test]
     fn a_place_is_the_inverse_of_a_position() {
         let mut seen = 0;
-        for (yaw, pitch, field) in [(0.0, 0.0, 80.0), (123.0, 40.0, 30.0), (-179.0, -70.0, 100.0), (180.0, 90.0, 60.0)] {
+        for (yaw, pitch, field) in [(0.0, 0.0, 80.0), (123.0, 40.0, 30.0), (-179.0, -70.0, 100.0), (180.0, 90.0, 60.0)]
+        {
             let sight = looking(yaw, pitch, field).sight(VIEW, SIZE);
             for (x, y) in (0..36).flat_map(|x| (0..18).map(move |y| (x, y))) {
                 let position = [20.0 * x as f32 + 9.5, 20.0 * y as f32 + 10.5];
@@ -295,7 +296,8 @@ mod tests {
         for (yaw, pitch, field) in [(0.0, 0.0, 100.0), (180.0, 10.0, 30.0), (30.0, 88.0, 60.0), (0.0, -80.0, 100.0)] {
             let sight = looking(yaw, pitch, field).sight(VIEW, SIZE);
             let cells = sight.cells(part);
-            let area: f32 = cells.iter().map(|cell| (cell[3].0[0] - cell[0].0[0]) * (cell[3].0[1] - cell[0].0[1])).sum();
+            let area: f32 =
+                cells.iter().map(|cell| (cell[3].0[0] - cell[0].0[0]) * (cell[3].0[1] - cell[0].0[1])).sum();
             assert!((area - 300.0 * 190.0).abs() < 1.0, "{area}");
             for cell in &cells {
                 let mean = |axis: usize| cell.iter().map(|(_, share)| share[axis]).sum::<f32>() / 4.0;

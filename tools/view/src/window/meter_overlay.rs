@@ -7,7 +7,11 @@ use super::number_format::short;
 use super::theme::ACCENT;
 
 /// Writes the values at the lines. `to_screen` brings picture positions there.
-pub(super) fn draw_labels(painter: &egui::Painter, meter: &LightMeter, to_screen: impl Fn([f32; 2]) -> Option<egui::Pos2>) {
+pub(super) fn draw_labels(
+    painter: &egui::Painter,
+    meter: &LightMeter,
+    to_screen: impl Fn([f32; 2]) -> Option<egui::Pos2>,
+) {
     for label in meter.labels() {
         let galley = painter.layout_no_wrap(short(label.value), egui::FontId::proportional(11.0), Color32::WHITE);
         let Some(at) = to_screen(label.at) else { continue };

@@ -116,7 +116,9 @@ fn turn_by_keys(ui: &Ui, document: &mut Document, response: &egui::Response) {
     let filter = egui::EventFilter { horizontal_arrows: true, vertical_arrows: true, ..Default::default() };
     ui.memory_mut(|memory| memory.set_focus_lock_filter(response.id, filter));
     use egui::Key::{ArrowDown, ArrowLeft, ArrowRight, ArrowUp};
-    for (key, turn) in [(ArrowLeft, [-1.0, 0.0]), (ArrowRight, [1.0, 0.0]), (ArrowUp, [0.0, 1.0]), (ArrowDown, [0.0, -1.0])] {
+    for (key, turn) in
+        [(ArrowLeft, [-1.0, 0.0]), (ArrowRight, [1.0, 0.0]), (ArrowUp, [0.0, 1.0]), (ArrowDown, [0.0, -1.0])]
+    {
         let (presses, is_fine) =
             ui.input_mut(|input| (input.count_and_consume_key(egui::Modifiers::NONE, key), input.modifiers.shift));
         let far = presses as f32 * if is_fine { FINE_STEP } else { STEP };

@@ -70,7 +70,10 @@ impl Place {
 
     /// Draws an image of the picture's shape where that stands, from a share of its width on.
     pub(super) fn draw(&self, painter: &Painter, texture: TextureId, from: f32) {
-        let part = Rect::from_min_max(pos2(self.picture.left() + from * self.picture.width(), self.picture.top()), self.picture.max);
+        let part = Rect::from_min_max(
+            pos2(self.picture.left() + from * self.picture.width(), self.picture.top()),
+            self.picture.max,
+        );
         let Some(sight) = &self.sight else {
             let whole = Rect::from_min_max(pos2(from, 0.0), pos2(1.0, 1.0));
             painter.image(texture, part, whole, Color32::WHITE);

@@ -112,7 +112,8 @@ impl ShownPicture {
         self.stand_in = None;
         match (picture.seen, &self.state) {
             (Seen::Bytes(shown, image), _) => {
-                set_texture(context, &mut self.texture, &self.name, &shown, self.sampling());
+                let sampling = self.sampling();
+                set_texture(context, &mut self.texture, &self.name, &shown, sampling);
                 self.screen = None;
                 return Some(PictureValues { generation: picture.generation, image, histogram: shown.histogram });
             }
