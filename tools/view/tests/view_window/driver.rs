@@ -39,9 +39,10 @@ pub(crate) struct Driver {
     closed: bool,
     /// The newest bytes of each texture, by its name.
     textures: BTreeMap<String, Vec<u8>>,
-    /// Name of the texture that was drawn last as the picture, and how that is sampled.
+    /// How each is sampled.
+    sampled: BTreeMap<String, egui::TextureOptions>,
+    /// Name of the texture that was drawn last as the picture.
     drawn: Option<String>,
-    sampled: Option<egui::TextureOptions>,
 }
 
 impl Driver {
@@ -134,8 +135,8 @@ impl Driver {
             close_requested: false,
             closed: false,
             textures: BTreeMap::new(),
+            sampled: BTreeMap::new(),
             drawn: None,
-            sampled: None,
         }
     }
 
@@ -167,14 +168,13 @@ impl Driver {
             let egui::ImageData::Color(image) = &delta.image;
             let name = self.context.tex_manager().read().meta(*id).map(|meta| meta.name.clone());
             if let (Some(name), None) = (name, delta.pos) {
+                self.sampled.insert(name.clone(), delta.options);
                 self.textures.insert(name, image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect());
             }
         }
         for texture in output.shapes.iter().flat_map(|clipped| textures_of(&clipped.shape)) {
-            let meta = self.context.tex_manager().read().meta(texture).map(|meta| (meta.name.clone(), meta.options));
-            if let Some((name, options)) = meta.filter(|(name, _)| name.starts_with(PICTURE)) {
-                (self.drawn, self.sampled) = (Some(name), Some(options));
-            }
+            let name = self.context.tex_manager().read().meta(texture).map(|meta| meta.name.clone());
+            self.drawn = name.filter(|name| name.starts_with(PICTURE)).or(self.drawn.take());
         }
         for command in &output.platform_output.commands {
             if let egui::OutputCommand::CopyText(text) = command {
@@ -219,7 +219,7 @@ impl Driver {
 
     /// How the picture that was drawn last is sampled.
     pub(crate) fn sampled(&self) -> egui::TextureOptions {
-        self.sampled.expect("no picture was drawn yet")
+        self.sampled[self.drawn.as_deref().expect("no picture was drawn yet")]
     }
 
     /// Whether there is a picture of the view of this name, drawn or not.
