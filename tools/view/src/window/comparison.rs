@@ -6,7 +6,8 @@ use std::sync::Arc;
 use eframe::egui::{self, TextureHandle, TextureId, TextureOptions};
 
 use super::renaming::Renaming;
-use super::shown_picture::{Sampling, colour_image, set_texture};
+use super::sampling::Sampling;
+use super::shown_picture::{colour_image, set_texture};
 use crate::difference::Difference;
 use crate::display::{Display, Shown};
 use crate::snapshots::{Snapshots, thumbnail};

@@ -3,7 +3,8 @@
 use eframe::egui::{self, TextureHandle, TextureId};
 
 use super::number_format::short;
-use super::shown_picture::{Sampling, set_texture};
+use super::sampling::Sampling;
+use super::shown_picture::set_texture;
 use crate::display::Shown;
 use crate::surfaces::Surfaces;
 use ltm::matrix::Feature;

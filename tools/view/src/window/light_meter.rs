@@ -5,7 +5,8 @@ use std::sync::Arc;
 use eframe::egui::{self, TextureHandle, TextureId};
 
 use super::number_format::short;
-use super::shown_picture::{Sampling, set_texture};
+use super::sampling::Sampling;
+use super::shown_picture::set_texture;
 use crate::display::Shown;
 use crate::meter::{Area, Field, Figures, Label, Measured, Scale, coloured, labels, measure};
 use crate::surfaces::Surfaces;

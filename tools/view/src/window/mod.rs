@@ -41,6 +41,7 @@ mod rendering;
 mod report;
 mod requests;
 mod row_menu;
+mod sampling;
 mod screen;
 mod seen_lights;
 mod selection;

@@ -11,12 +11,13 @@ use super::features_view::FeaturesView;
 use super::file_jobs::ViewFiles;
 use super::light_meter::LightMeter;
 use super::requests::Requests;
-use super::seen_lights::camera;
-use super::shown_picture::{Sampling, ShownPicture};
+use super::sampling::Sampling;
+use super::shown_picture::ShownPicture;
 use super::surfaces_state::SurfacesState;
 use super::view_state::ViewState;
 use crate::mixer::Mix;
 use crate::panorama::LookAround;
+use crate::seen::stated_camera;
 use crate::shared_lights::{SharedLights, ViewLights};
 use crate::worker::{Means, PictureProgress, Session};
 use ltm::error::Result;
@@ -73,7 +74,7 @@ impl OpenView {
         let lighting = Arc::new(lights.mix(mix).lighting(session.basis())?);
         let shape = session.container.shape();
         // By its camera; where none is stated, one can look around in a picture of the right shape.
-        let stated = camera(&session).map(|camera| camera.projection == Projection::Panorama);
+        let stated = stated_camera(session.container.job()).map(|camera| camera.projection == Projection::Panorama);
         let may_be = stated.unwrap_or(shape.width() == 2 * shape.height());
         let look = may_be.then(LookAround::default);
         Ok(Self {

@@ -9,7 +9,8 @@ use glam::{DVec3, Vec3};
 
 use super::document::{Document, Opening};
 use super::message::{Message, line};
-use super::shown_picture::{Sampling, set_texture};
+use super::sampling::Sampling;
+use super::shown_picture::set_texture;
 use super::{worker_events, worker_requests};
 use crate::camera_moves::{CameraMove, MovingCamera};
 use crate::display::Display;

@@ -3,7 +3,7 @@
 use eframe::egui::TextureId;
 use eframe::egui_wgpu::RenderState;
 
-use super::shown_picture::Sampling;
+use super::sampling::Sampling;
 
 /// Known as long as this lives.
 pub(super) struct ScreenTexture {

@@ -7,7 +7,7 @@ use super::open_view::OpenView;
 use super::pattern_editor::PatternEditorState;
 use super::theme::ACCENT;
 use crate::mixer::Mix;
-use crate::seen::{lights_within, position};
+use crate::seen::{lights_within, position, stated_camera};
 use crate::sun::{PlacedSun, choose_sun, suns};
 use crate::worker::Session;
 use ltm::light::{LightBasis, LightKind};
@@ -26,9 +26,8 @@ pub(super) struct SeenSun {
 }
 
 /// The camera that the picture was rendered with.
-pub(super) fn camera(session: &Session) -> Option<Camera> {
-    let job = session.container.job();
-    Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
+fn camera(session: &Session) -> Option<Camera> {
+    stated_camera(session.container.job())
 }
 
 /// Whether places of the picture say directions: not without a camera, nor with an orthographic one, of which all have the same.

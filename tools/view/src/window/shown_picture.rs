@@ -4,9 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-use eframe::egui::{self, ColorImage, TextureHandle, TextureId, TextureOptions};
+use eframe::egui::{self, ColorImage, TextureHandle, TextureId};
 use eframe::egui_wgpu::RenderState;
 
+use super::sampling::Sampling;
 use super::screen::ScreenTexture;
 use crate::display::Shown;
 use crate::worker::{Picture, PictureProgress, Seen};
@@ -16,18 +17,6 @@ use ltm::relight::CpuRelighter;
 /// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
 const RATE_PICTURES: usize = 24;
 const REST_SECS: f64 = 0.5;
-
-/// How a picture is seen between the middles of its pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Sampling {
-    /// Pixels are squares when they are large.
-    #[default]
-    Squares,
-    /// They run into each other.
-    Smooth,
-    /// So, and at the right edge into those at the left one: as one looks around in a panorama.
-    Around,
-}
 
 /// Cost of the last drag.
 #[derive(Clone, Copy, Default)]
@@ -201,15 +190,10 @@ pub(super) fn set_texture(
     shown: &Shown,
     sampling: Sampling,
 ) {
-    let options = match sampling {
-        Sampling::Squares => TextureOptions { magnification: egui::TextureFilter::Nearest, ..TextureOptions::LINEAR },
-        Sampling::Smooth => TextureOptions::LINEAR,
-        Sampling::Around => TextureOptions::LINEAR_REPEAT,
-    };
     let image = reduced(colour_image(shown), context.input(|input| input.max_texture_side));
     match texture {
-        Some(texture) => texture.set(image, options),
-        None => *texture = Some(context.load_texture(name, image, options)),
+        Some(texture) => texture.set(image, sampling.options()),
+        None => *texture = Some(context.load_texture(name, image, sampling.options())),
     }
 }
 
