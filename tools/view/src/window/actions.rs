@@ -108,21 +108,15 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::ResetDisplay => document.reset_display(),
         Action::NextCurve => document.display = document.display.next(false),
         Action::LastCurve => document.display = document.display.next(true),
-        Action::Fit => document.front.view.fit(),
-        Action::ActualSize => {
-            let [width, _] = document.size();
-            document.front.view.one_to_one(width, context.pixels_per_point());
-        }
-        Action::ZoomIn => document.front.view.zoom_about([0.0; 2], 1.25),
-        Action::ZoomOut => document.front.view.zoom_about([0.0; 2], 0.8),
-        Action::LookAround => {
-            let view = &mut document.front.view;
-            view.is_around = view.look.is_some() && !view.is_around;
-        }
-        Action::TurnLeft => document.front.view.turn([-STEP, 0.0]),
-        Action::TurnRight => document.front.view.turn([STEP, 0.0]),
-        Action::TurnUp => document.front.view.turn([0.0, STEP]),
-        Action::TurnDown => document.front.view.turn([0.0, -STEP]),
+        Action::Fit
+        | Action::ActualSize
+        | Action::ZoomIn
+        | Action::ZoomOut
+        | Action::LookAround
+        | Action::TurnLeft
+        | Action::TurnRight
+        | Action::TurnUp
+        | Action::TurnDown => see(context, document, action),
         // The frames of an animation that are open are no tabs.
         Action::Tab(_) | Action::NextTab | Action::LastTab | Action::CloseTab if document.frames.is_some() => {}
         Action::Tab(tab) => document.show_tab(tab),
@@ -187,6 +181,24 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         | Action::FullScreen
         | Action::Help
         | Action::Compare(_) => {}
+    }
+}
+
+/// Shows another part of the picture, or shows it otherwise.
+fn see(context: &egui::Context, document: &mut Document, action: Action) {
+    let [width, _] = document.size();
+    let view = &mut document.front.view;
+    match action {
+        Action::Fit => view.fit(),
+        Action::ActualSize => view.one_to_one(width, context.pixels_per_point()),
+        Action::ZoomIn => view.zoom_about([0.0; 2], 1.25),
+        Action::ZoomOut => view.zoom_about([0.0; 2], 0.8),
+        Action::LookAround => view.is_around = view.look.is_some() && !view.is_around,
+        Action::TurnLeft => view.turn([-STEP, 0.0]),
+        Action::TurnRight => view.turn([STEP, 0.0]),
+        Action::TurnUp => view.turn([0.0, STEP]),
+        Action::TurnDown => view.turn([0.0, -STEP]),
+        _ => {}
     }
 }
 
