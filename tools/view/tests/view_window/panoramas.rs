@@ -20,7 +20,8 @@ pub(crate) const TESTS: [(&str, fn()); 3] = [
 /// The panorama of a room.
 const SIZE: [u32; 2] = [192, 96];
 
-fn write_panorama(path: &Path) {
+/// Writes its container.
+pub(crate) fn write_panorama(path: &Path) {
     let mut loaded = BuiltIn { width: SIZE[0], height: SIZE[1], texels: 6 }.named("mixed").unwrap();
     loaded.scene.camera = loaded.scene.camera.projected(Projection::Panorama).unwrap();
     container::write(path, loaded, 8);
