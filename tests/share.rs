@@ -93,6 +93,7 @@ fn the_data_are_the_containers_chunks_behind_a_small_preview() {
     assert_eq!(head["title"], "A <room>");
     assert_eq!(head["lights"].as_array().unwrap().len(), job.basis.lights().len());
     assert_eq!(head["looks"][0]["name"], "\"half\"");
+    assert_eq!(head["panorama"], false);
     let whole = &head["levels"][1];
     assert_eq!((whole["width"].as_u64(), whole["height"].as_u64()), (Some(150), Some(70)));
     let blocks: Vec<_> = job.shape.blocks().collect();

@@ -9,11 +9,15 @@ import { Desk, copyOf, ofShortForm, shortForm, unionOf } from './mix.js';
 import { openView } from './view.js';
 import { Mixer, make, signed } from './mixer.js';
 import { Stage } from './stage.js';
+import { AroundCanvas } from './around.js';
 
 /** Changes that can be undone. */
 const MOST_UNDONE = 100;
 /** Width of a look's thumbnail. */
 const THUMB_WIDTH = 160;
+/** What is said of the picture as it stands, and as one looks around in it. */
+const FLAT_LABEL = 'Picture: arrow keys move it, plus and minus zoom, F fits it, 1 shows it pixel for pixel; the cross in the middle reads it';
+const AROUND_LABEL = 'Panorama: arrow keys turn, plus and minus zoom, F looks ahead, P shows it flat; the cross in the middle reads it';
 const WAY_NAMES = { webgpu: 'WebGPU', webgl2: 'WebGL 2', worker: 'workers' };
 
 /** @template {HTMLElement} [T=HTMLElement] @param {string} id */
@@ -86,8 +90,14 @@ class Page {
         this.asked = at;
         this.probe();
       },
-      moved: () => this.placeLine(),
+      moved: () => this.moved(),
+      turned: () => {
+        this.moved();
+        this.link();
+      },
     });
+    this.around = new AroundCanvas(byId('around'));
+    this.turning = 0;
     this.mixer = new Mixer(byId('lights'), this.desk, () => this.current, (change, isEnd) => this.change(change, isEnd));
     this.fillControls();
     this.listen();
@@ -126,6 +136,7 @@ class Page {
     document.body.dataset.view = view.name;
     Array.from(byId('views').children).forEach((tab, i) => tab.setAttribute('aria-pressed', String(i === index)));
     this.mixer.list(view.places);
+    this.lookAround(view.isAround);
     this.stage.goTo(view.standing);
     [this.weights, this.asked, this.areThumbsOld] = [null, null, true];
     this.compare();
@@ -137,6 +148,43 @@ class Page {
   step(step) {
     const count = this.views.length;
     if (count > 1) this.show((this.views.indexOf(this.view) + count + step) % count);
+  }
+
+  /** Looks around in the panorama, or shows it flat. @param {boolean} isAround */
+  lookAround(isAround) {
+    const { view } = this;
+    view.isAround = isAround;
+    this.stage.look = isAround ? view.look : null;
+    byId('look').hidden = !view.look;
+    byId('look').setAttribute('aria-pressed', String(isAround));
+    [byId('picture').hidden, byId('around').hidden] = [isAround, !isAround];
+    byId('stage').setAttribute('aria-label', isAround ? AROUND_LABEL : view.look ? FLAT_LABEL.replace(';', ', P looks around in it;') : FLAT_LABEL);
+    this.around.pictures = [];
+    this.asked = null;
+    this.stage.settle();
+  }
+
+  /** The picture stands elsewhere, or something else of it is seen. */
+  moved() {
+    this.placeLine();
+    if (this.stage.look && !this.turning) {
+      this.turning = requestAnimationFrame(() => {
+        this.turning = 0;
+        this.seeAround();
+      });
+    }
+  }
+
+  /** Draws what is seen of a panorama. */
+  seeAround() {
+    const { look } = this.stage;
+    const { now, other } = this.view;
+    if (look) this.around.draw(look, this.otherWeights ? [now, other] : [now], this.wipe);
+  }
+
+  /** Share of the width at whose left the other mix is seen. */
+  get wipe() {
+    return Number(/** @type {HTMLInputElement} */ (byId('wipe')).value);
   }
 
   /** Something of a view has come, or was lost. @param {View} view */
@@ -221,6 +269,7 @@ class Page {
     on('one', 'click', () => this.stage.one());
     on('in', 'click', () => this.stage.zoom(Math.SQRT2));
     on('out', 'click', () => this.stage.zoom(Math.SQRT1_2));
+    on('look', 'click', () => this.toggleLook());
     on('full', 'click', () => this.fullScreen());
     on('png', 'click', () => this.savePng());
     on('link', 'click', (button) => this.copyLink(button));
@@ -242,7 +291,8 @@ class Page {
     byId('line').addEventListener('pointermove', (event) => {
       if (!byId('line').hasPointerCapture(event.pointerId)) return;
       event.stopPropagation();
-      const share = (this.stage.inside(event)[0] - this.stage.x) / (this.stage.scale * this.picture.clientWidth);
+      const [left, width] = this.stage.span;
+      const share = (this.stage.inside(event)[0] - left) / width;
       /** @type {HTMLInputElement} */ (byId('wipe')).value = String(share);
       this.compose();
     });
@@ -261,7 +311,7 @@ class Page {
       '+': () => this.stage.zoom(Math.SQRT2), '=': () => this.stage.zoom(Math.SQRT2), '-': () => this.stage.zoom(Math.SQRT1_2),
       e: () => this.display(this.exposure + 0.5, this.curve), E: () => this.display(this.exposure - 0.5, this.curve),
       n: () => this.expose(), t: () => this.display(this.exposure, (this.curve + 1) % CURVES.length),
-      v: () => this.step(1), V: () => this.step(-1), k: () => this.keep(), '/': () => byId('search').focus(),
+      p: () => this.toggleLook(), v: () => this.step(1), V: () => this.step(-1), k: () => this.keep(), '/': () => byId('search').focus(),
       w: () => {
         compare.value = compare.value === '' ? (this.kept ? 'kept' : '-1') : '';
         this.compare();
@@ -292,8 +342,14 @@ class Page {
   }
 
   placeLine() {
-    const share = Number(/** @type {HTMLInputElement} */ (byId('wipe')).value);
-    byId('line').style.left = `${this.stage.x + share * this.picture.clientWidth * this.stage.scale - 1}px`;
+    const [left, width] = this.stage.span;
+    byId('line').style.left = `${left + this.wipe * width - 1}px`;
+  }
+
+  toggleLook() {
+    if (!this.view.look) return;
+    this.lookAround(!this.view.isAround);
+    this.link();
   }
 
   async expose() {
@@ -330,7 +386,9 @@ class Page {
 
   async writeFragment() {
     const view = this.views.length > 1 ? { view: this.views.indexOf(this.view) } : {};
-    const state = { ...shortForm(this.desk, this.current), exposure: Number(this.exposure.toFixed(3)), curve: this.curve, ...view };
+    const { look, isAround } = this.view;
+    const around = look ? { look: isAround ? look.degrees : null } : {};
+    const state = { ...shortForm(this.desk, this.current), exposure: Number(this.exposure.toFixed(3)), curve: this.curve, ...view, ...around };
     this.fragment = await fragmentOf(state);
     history.replaceState(null, '', this.fragment);
   }
@@ -344,6 +402,11 @@ class Page {
       const curve = CURVES[state.curve] ? state.curve : 0;
       if (Number.isFinite(state.exposure)) this.display(state.exposure, curve);
       if (this.views[state.view] && this.views[state.view] !== this.view) this.show(state.view);
+      const { look } = this.view;
+      if (look && state.look !== undefined) {
+        if (Array.isArray(state.look)) look.goTo(state.look);
+        this.lookAround(state.look !== null);
+      }
     } catch {
       this.say('the link holds no mix of this picture');
     }
@@ -392,6 +455,7 @@ class Page {
       await engine.draw(view.other, this.otherWeights, tone);
       if (view !== this.view) return;
     }
+    this.around.pictures = [];
     this.compose();
     view.drawn = known;
     this.showState();
@@ -411,8 +475,9 @@ class Page {
     const { canvas } = this.shown;
     this.shown.clearRect(0, 0, canvas.width, canvas.height);
     this.shown.drawImage(this.view.now.canvas, 0, 0);
+    this.seeAround();
     if (!this.otherWeights) return;
-    const width = Math.round(canvas.width * Number(/** @type {HTMLInputElement} */ (byId('wipe')).value));
+    const width = Math.round(canvas.width * this.wipe);
     if (width > 0) {
       this.shown.clearRect(0, 0, width, canvas.height);
       this.shown.drawImage(this.view.other.canvas, 0, 0, width, canvas.height, 0, 0, width, canvas.height);

@@ -1,4 +1,6 @@
-// Where the picture stands in its window: moved, zoomed, read; by mouse, touch and keyboard.
+// Where the picture stands in its window: moved, zoomed, read; by mouse, touch and keyboard. In a panorama one looks around instead.
+
+/** @import { LookAround } from './around.js' */
 
 const MOST_ZOOM = 32;
 
@@ -7,7 +9,8 @@ export class Stage {
   /**
    * @param {HTMLElement} stage
    * @param {HTMLCanvasElement} picture
-   * @param {{ read: (at: { x: number, y: number } | null) => void, moved: () => void }} listener hears of pixels to read, and of moves
+   * @param {{ read: (at: { x: number, y: number } | null) => void, moved: () => void, turned: () => void }} listener hears of pixels to read,
+   *   of moves, and of turns in a panorama
    */
   constructor(stage, picture, listener) {
     this.stage = stage;
@@ -17,12 +20,15 @@ export class Stage {
     this.x = 0;
     this.y = 0;
     this.fitted = true;
+    /** How one looks around; none: the picture is flat. @type {LookAround | null} */
+    this.look = null;
     /** @type {Map<number, PointerEvent>} */
     this.pointers = new Map();
-    new ResizeObserver(() => (this.fitted ? this.fit() : this.place())).observe(stage);
+    new ResizeObserver(() => this.settle()).observe(stage);
     stage.addEventListener('wheel', (event) => {
       event.preventDefault();
       this.zoom(2 ** (-event.deltaY / (event.deltaMode === 0 ? 300 : 10)), ...this.inside(event));
+      if (this.look) this.readAt(event);
     }, { passive: false });
     stage.addEventListener('pointerdown', (event) => {
       stage.setPointerCapture(event.pointerId);
@@ -40,9 +46,14 @@ export class Stage {
       const step = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
       if (!step || event.ctrlKey || event.altKey || event.metaKey) return;
       event.preventDefault();
-      const far = event.shiftKey ? 1 : 40;
-      [this.x, this.y, this.fitted] = [this.x + step[0] * far, this.y + step[1] * far, false];
-      this.place();
+      if (this.look) {
+        const angle = this.look.field / (event.shiftKey ? 200 : 12);
+        this.turn(-step[0] * angle, step[1] * angle);
+      } else {
+        const far = event.shiftKey ? 1 : 40;
+        [this.x, this.y, this.fitted] = [this.x + step[0] * far, this.y + step[1] * far, false];
+        this.place();
+      }
       this.readMiddle();
     });
   }
@@ -65,6 +76,10 @@ export class Stage {
         const [otherX, otherY] = this.inside(other);
         const apart = Math.max(Math.hypot(fromX - otherX, fromY - otherY), 10);
         this.zoom(Math.hypot(x - otherX, y - otherY) / apart, otherX, otherY);
+      } else if (this.look) {
+        // The picture goes with the pointer.
+        const focal = this.look.focal(this.stage.clientWidth, this.stage.clientHeight);
+        if (x !== fromX || y !== fromY) this.turn((fromX - x) / focal, (y - fromY) / focal);
       } else {
         [this.x, this.y] = [this.x + x - fromX, this.y + y - fromY];
         if (x !== fromX || y !== fromY) this.fitted = false;
@@ -75,8 +90,15 @@ export class Stage {
     this.readAt(event);
   }
 
+  /** @param {number} right @param {number} up in radians */
+  turn(right, up) {
+    this.look?.turn(right, up);
+    this.listener.turned();
+  }
+
   /** @param {number} x @param {number} y in the stage */
   pixelAt(x, y) {
+    if (this.look) return this.look.pixelAt(this.picture, this.stage.clientWidth, this.stage.clientHeight, x, y);
     const at = { x: Math.floor((x - this.x) / this.scale), y: Math.floor((y - this.y) / this.scale) };
     return at.x >= 0 && at.y >= 0 && at.x < this.picture.width && at.y < this.picture.height ? at : null;
   }
@@ -92,12 +114,25 @@ export class Stage {
     }
   }
 
+  /** The whole picture, or of a panorama what lay ahead of the camera. */
   fit() {
+    if (this.look) {
+      this.look.ahead();
+      this.listener.turned();
+      this.readMiddle();
+      return;
+    }
+    this.fitted = true;
+    this.settle();
+  }
+
+  /** Places the picture once more: its stage is another, or it is. */
+  settle() {
+    if (!this.fitted) return this.place();
     const { clientWidth, clientHeight } = this.stage;
     this.scale = Math.min(clientWidth / this.picture.width, clientHeight / this.picture.height);
     this.x = (clientWidth - this.picture.width * this.scale) / 2;
     this.y = (clientHeight - this.picture.height * this.scale) / 2;
-    this.fitted = true;
     this.place();
   }
 
@@ -109,18 +144,30 @@ export class Stage {
 
   /** @param {{ scale: number, x: number, y: number, fitted: boolean } | null} standing where it stood; null: it is fitted */
   goTo(standing) {
-    if (!standing || standing.fitted) return this.fit();
-    Object.assign(this, standing);
-    this.place();
+    Object.assign(this, standing ?? { fitted: true });
+    this.settle();
+  }
+
+  /** Where the picture begins and how wide it is, in the stage. */
+  get span() {
+    return this.look ? [0, this.stage.clientWidth] : [this.x, this.picture.width * this.scale];
   }
 
   /** One pixel of the picture on one of the screen. */
   one() {
-    this.zoom(1 / (this.scale * window.devicePixelRatio));
+    const { clientWidth, clientHeight } = this.stage;
+    const seen = this.look ? (2 * Math.PI * this.look.focal(clientWidth, clientHeight)) / this.picture.width : this.scale;
+    this.zoom(1 / (seen * window.devicePixelRatio));
   }
 
   /** @param {number} factor @param {number} x @param {number} y what stays where it is */
   zoom(factor, x = this.stage.clientWidth / 2, y = this.stage.clientHeight / 2) {
+    if (this.look) {
+      this.look.zoom(factor);
+      this.listener.turned();
+      this.readMiddle();
+      return;
+    }
     const least = Math.min(1, 32 / Math.max(this.picture.width, this.picture.height));
     const scale = Math.min(Math.max(this.scale * factor, least), MOST_ZOOM);
     const share = scale / this.scale;

@@ -11,7 +11,8 @@ import { gridOf } from './blocks.js';
  * @typedef {{ name: string, kind: string, unit: string, across: number, down: number, emission: number[], scene: number[][],
  *   scale: number }} Light
  * @typedef {{ name: string, lights: (number[][] | null)[] }} Look
- * @typedef {{ title: string, program: string, columns: number, shrink: number, exposure: number, lumensPerWatt: number | null, lights: Light[],
+ * @typedef {{ title: string, program: string, columns: number, shrink: number, exposure: number, lumensPerWatt: number | null, panorama: boolean | null,
+ *   lights: Light[],
  *   groups: { name: string, lights: number[] }[], looks: Look[], levels: Level[] }} Head
  */
 /**

@@ -5,6 +5,7 @@
 import { rectOf } from './blocks.js';
 import { readShare } from './stream.js';
 import { Engine } from './engine.js';
+import { LookAround } from './around.js';
 
 const LAYER_NAMES = ['coarse', 'fine'];
 
@@ -30,6 +31,10 @@ export class View {
     this.isOtherOld = true;
     /** Where its picture stood when it was seen last. @type {{ scale: number, x: number, y: number, fitted: boolean } | null} */
     this.standing = null;
+    const mayBePanorama = head.panorama ?? whole.width === 2 * whole.height;
+    /** How one looks around in it; none: it is no panorama. @type {LookAround | null} */
+    this.look = mayBePanorama ? new LookAround() : null;
+    this.isAround = head.panorama === true;
     /** @type {Map<string, string>} */
     this.damage = new Map();
     this.isComplete = false;

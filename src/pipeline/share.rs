@@ -13,6 +13,8 @@ use crate::light::{Job, LightUnit, Lighting};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, MatrixShape, TracedBlock};
 use crate::relight::relight_streaming;
 use crate::resources::{MemoryNeed, Progress, ResourceEstimate};
+#[cfg(feature = "scene")]
+use crate::scene::{Camera, Projection};
 use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_with_data, write_data};
 
 use super::{PackOptions, pack};
@@ -170,6 +172,7 @@ impl Page<'_> {
             shrink: shrink_of(container.job().shape),
             exposure_stops: self.exposure_stops,
             lumens_per_watt: lumens_per_watt(container.job()),
+            is_panorama: is_panorama(container.job()),
         };
         let mut advance = |bytes: u64| {
             self.watch.advance(bytes, bytes, "B");
@@ -265,6 +268,19 @@ fn lumens_per_watt(job: &Job) -> Option<f32> {
         LightUnit::Multiple => false,
     };
     job.basis.lights().iter().all(|light| is_known(light.unit)).then_some(LUMENS_PER_WATT)
+}
+
+/// Whether the camera that the job states sees all directions; `None` if it states none.
+#[cfg(feature = "scene")]
+fn is_panorama(job: &Job) -> Option<bool> {
+    let camera = Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))?;
+    Some(camera.projection == Projection::Panorama)
+}
+
+/// Cameras are those of scenes.
+#[cfg(not(feature = "scene"))]
+fn is_panorama(_: &Job) -> Option<bool> {
+    None
 }
 
 /// Packs the reduced image.

@@ -30,6 +30,8 @@ pub struct SharedPicture<'a> {
     pub exposure_stops: f32,
     /// What makes luminances cd/m²; none where the picture has no unit.
     pub lumens_per_watt: Option<f32>,
+    /// Whether it is a panorama of all directions; none where nothing says how its camera stood.
+    pub is_panorama: Option<bool>,
 }
 
 /// The head as JSON. Offsets of layers count from the end of the head.
@@ -47,6 +49,8 @@ pub fn head_json(picture: &SharedPicture<'_>, preview: &Level<'_>, whole: &Level
         Some(lumens) => number(&mut json, lumens),
         None => json += "null",
     }
+    json += ",\"panorama\":";
+    json += picture.is_panorama.map_or("null", |is_panorama| if is_panorama { "true" } else { "false" });
     json += ",\"lights\":";
     let scales = job.basis.column_scales();
     list(&mut json, job.basis.lights(), |json, light| {

@@ -6,7 +6,7 @@ use super::base64::base64;
 use super::deflate;
 
 /// The modules in an order in which each stands behind those that it uses while the script is read.
-const MODULES: [(&str, &str); 15] = [
+const MODULES: [(&str, &str); 16] = [
     ("checksum.js", include_str!("../../page/src/checksum.js")),
     ("colour.js", include_str!("../../page/src/colour.js")),
     ("coder.js", include_str!("../../page/src/coder.js")),
@@ -18,6 +18,7 @@ const MODULES: [(&str, &str); 15] = [
     ("webgl.js", include_str!("../../page/src/webgl.js")),
     ("webgpu.js", include_str!("../../page/src/webgpu.js")),
     ("engine.js", include_str!("../../page/src/engine.js")),
+    ("around.js", include_str!("../../page/src/around.js")),
     ("view.js", include_str!("../../page/src/view.js")),
     ("mixer.js", include_str!("../../page/src/mixer.js")),
     ("stage.js", include_str!("../../page/src/stage.js")),

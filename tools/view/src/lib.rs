@@ -19,6 +19,7 @@ pub mod meter;
 mod metered;
 pub mod mixer;
 mod paged_renderer;
+pub mod panorama;
 pub mod pattern;
 pub mod pdf;
 pub mod photometry;

@@ -1,8 +1,13 @@
 //! Where lights are seen in the picture, by the camera that the container states.
 
 use glam::Vec3;
-use ltm::light::{Light, LightBasis, LightKind};
+use ltm::light::{Job, Light, LightBasis, LightKind};
 use ltm::scene::Camera;
+
+/// The camera that a picture was rendered with, where its job states one.
+pub fn stated_camera(job: &Job) -> Option<Camera> {
+    Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
+}
 
 /// Position of a light's centre in pixels, also beside the picture and behind what hides it. `None` behind the eye, and
 /// for an environment, which has no centre.
@@ -22,16 +27,10 @@ pub fn position(camera: &Camera, light: &Light) -> Option<[f32; 2]> {
     at.map(|at| at.to_array())
 }
 
-/// The lights whose middle is seen inside a rectangle of the picture, given by two corners in pixels.
-pub fn lights_within(camera: &Camera, basis: &LightBasis, corners: [[f32; 2]; 2]) -> Vec<usize> {
-    let holds = |at: [f32; 2]| {
-        (0..2).all(|axis| {
-            let ends = [corners[0][axis], corners[1][axis]];
-            (ends[0].min(ends[1])..=ends[0].max(ends[1])).contains(&at[axis])
-        })
-    };
+/// The lights whose middle is seen at a position of the picture, in pixels, that an area `holds`.
+pub fn lights_within(camera: &Camera, basis: &LightBasis, holds: impl Fn([f32; 2]) -> bool) -> Vec<usize> {
     let lights = basis.lights().iter().enumerate();
-    lights.filter(|(_, light)| position(camera, light).is_some_and(holds)).map(|(index, _)| index).collect()
+    lights.filter(|(_, light)| position(camera, light).is_some_and(&holds)).map(|(index, _)| index).collect()
 }
 
 #[cfg(test)]
@@ -65,8 +64,11 @@ mod tests {
             "{seen:?}"
         );
         assert!(seen[2].is_none() && seen[4].is_none(), "{seen:?}");
-        assert_eq!(lights_within(&camera, &basis, [[160.0, 60.0], [90.0, 20.0]]), [0, 1]);
-        assert_eq!(lights_within(&camera, &basis, [[0.0, 0.0], [200.0, 100.0]]), [0, 1, 3]);
-        assert!(lights_within(&camera, &basis, [[0.0, 0.0], [9.0, 9.0]]).is_empty());
+        let within = |x: std::ops::Range<f32>, y: std::ops::Range<f32>| {
+            lights_within(&camera, &basis, |at| x.contains(&at[0]) && y.contains(&at[1]))
+        };
+        assert_eq!(within(90.0..160.0, 20.0..60.0), [0, 1]);
+        assert_eq!(within(0.0..200.0, 0.0..100.0), [0, 1, 3]);
+        assert!(within(0.0..9.0, 0.0..9.0).is_empty());
     }
 }

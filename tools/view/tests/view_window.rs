@@ -17,6 +17,8 @@ mod groups;
 mod kept;
 #[path = "view_window/measures.rs"]
 mod measures;
+#[path = "view_window/panoramas.rs"]
+mod panoramas;
 #[path = "view_window/real.rs"]
 mod real;
 #[path = "view_window/rendering.rs"]
@@ -505,6 +507,7 @@ fn main() -> ExitCode {
         .chain(kept::TESTS)
         .chain(groups::TESTS)
         .chain(measures::TESTS)
+        .chain(panoramas::TESTS)
         .chain(rendering::TESTS)
         .chain(tabs::TESTS)
         .map(|(name, test)| trial(name, test))

@@ -9,7 +9,7 @@ use super::light_list::{lights_of, search_id};
 use super::message::Message;
 use super::selection;
 use super::shown_picture::colour_image;
-use super::view_state::Beside;
+use super::view_state::{Beside, STEP};
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +47,12 @@ pub(super) enum Action {
     ActualSize,
     ZoomIn,
     ZoomOut,
+    /// Look around in a panorama, or see it flat.
+    LookAround,
+    TurnLeft,
+    TurnRight,
+    TurnUp,
+    TurnDown,
     Undo,
     Redo,
     ResetLights,
@@ -102,10 +108,15 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         Action::ResetDisplay => document.reset_display(),
         Action::NextCurve => document.display = document.display.next(false),
         Action::LastCurve => document.display = document.display.next(true),
-        Action::Fit => document.front.view.viewport.fit(),
-        Action::ActualSize => document.front.view.viewport.one_to_one(context.pixels_per_point()),
-        Action::ZoomIn => document.front.view.viewport.zoom_about([0.0; 2], 1.25),
-        Action::ZoomOut => document.front.view.viewport.zoom_about([0.0; 2], 0.8),
+        Action::Fit
+        | Action::ActualSize
+        | Action::ZoomIn
+        | Action::ZoomOut
+        | Action::LookAround
+        | Action::TurnLeft
+        | Action::TurnRight
+        | Action::TurnUp
+        | Action::TurnDown => see(context, document, action),
         // The frames of an animation that are open are no tabs.
         Action::Tab(_) | Action::NextTab | Action::LastTab | Action::CloseTab if document.frames.is_some() => {}
         Action::Tab(tab) => document.show_tab(tab),
@@ -170,6 +181,24 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
         | Action::FullScreen
         | Action::Help
         | Action::Compare(_) => {}
+    }
+}
+
+/// Shows another part of the picture, or shows it otherwise.
+fn see(context: &egui::Context, document: &mut Document, action: Action) {
+    let [width, _] = document.size();
+    let view = &mut document.front.view;
+    match action {
+        Action::Fit => view.fit(),
+        Action::ActualSize => view.one_to_one(width, context.pixels_per_point()),
+        Action::ZoomIn => view.zoom_about([0.0; 2], 1.25),
+        Action::ZoomOut => view.zoom_about([0.0; 2], 0.8),
+        Action::LookAround => view.is_around = view.look.is_some() && !view.is_around,
+        Action::TurnLeft => view.turn([-STEP, 0.0]),
+        Action::TurnRight => view.turn([STEP, 0.0]),
+        Action::TurnUp => view.turn([0.0, STEP]),
+        Action::TurnDown => view.turn([0.0, -STEP]),
+        _ => {}
     }
 }
 

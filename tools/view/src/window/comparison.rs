@@ -6,6 +6,7 @@ use std::sync::Arc;
 use eframe::egui::{self, TextureHandle, TextureId, TextureOptions};
 
 use super::renaming::Renaming;
+use super::sampling::Sampling;
 use super::shown_picture::{colour_image, set_texture};
 use crate::difference::Difference;
 use crate::display::{Display, Shown};
@@ -30,6 +31,7 @@ pub(super) struct Comparison {
     pub(super) renamed: Option<Renaming>,
     thumbnails: BTreeMap<String, TextureHandle>,
     texture: Option<(Arc<Shown>, TextureHandle)>,
+    sampling: Sampling,
     /// What was measured last, and of what; nothing while it is being measured.
     difference: Option<(DifferenceKey, Option<Arc<Difference>>)>,
     /// The comparison being measured.
@@ -60,9 +62,22 @@ impl Comparison {
         let Some(shown) = shown else { return self.texture = None };
         let (kept, mut texture) = self.texture.take().unzip();
         if !kept.is_some_and(|kept| Arc::ptr_eq(&kept, &shown)) {
-            set_texture(context, &mut texture, "compared", &shown);
+            set_texture(context, &mut texture, "compared", &shown, self.sampling);
         }
         self.texture = texture.map(|texture| (shown, texture));
+    }
+
+    /// Shows pictures from now on as sampled so.
+    pub(super) fn sample(&mut self, context: &egui::Context, sampling: Sampling) {
+        if std::mem::replace(&mut self.sampling, sampling) == sampling {
+            return;
+        }
+        if let Some((shown, _)) = self.texture.take() {
+            self.take(context, Some(shown));
+        }
+        if let Some((_, Some(difference))) = &self.difference {
+            set_texture(context, &mut self.difference_texture, "difference", &difference.map, sampling);
+        }
     }
 
     /// The texture to draw beside the wipe.
@@ -106,7 +121,7 @@ impl Comparison {
     pub(super) fn take_difference(&mut self, context: &egui::Context, of: u64, difference: Option<Arc<Difference>>) {
         let Some(key) = self.measuring.take().filter(|key| key.generation == of) else { return };
         if let Some(difference) = &difference {
-            set_texture(context, &mut self.difference_texture, "difference", &difference.map);
+            set_texture(context, &mut self.difference_texture, "difference", &difference.map, self.sampling);
         }
         self.difference = Some((key, difference));
     }

@@ -182,6 +182,7 @@ impl Document {
         self.set_display(shown.display);
         let scale = self.front.size()[0] as f32 / shown.front.size()[0] as f32;
         self.front.view.viewport.centre = shown.front.view.viewport.scaled(scale).centre;
+        self.front.view.look_as(shown.front.view.look, shown.front.view.is_around);
         self.front.is_ready() && self.front.compare.snapshots.without_image().is_none()
     }
 

@@ -3,6 +3,7 @@
 use eframe::egui::{self, TextureHandle, TextureId};
 
 use super::number_format::short;
+use super::sampling::Sampling;
 use super::shown_picture::set_texture;
 use crate::display::Shown;
 use crate::surfaces::Surfaces;
@@ -15,6 +16,7 @@ pub(super) struct FeaturesView {
     /// The content of the texture.
     made: Option<(Feature, Shown)>,
     texture: Option<TextureHandle>,
+    sampling: Sampling,
 }
 
 impl FeaturesView {
@@ -28,11 +30,20 @@ impl FeaturesView {
         self.shown().and(self.texture.as_ref()).map(TextureHandle::id)
     }
 
+    /// Shows images from now on as sampled so.
+    pub(super) fn sample(&mut self, context: &egui::Context, sampling: Sampling) {
+        if std::mem::replace(&mut self.sampling, sampling) != sampling
+            && let Some((_, shown)) = &self.made
+        {
+            set_texture(context, &mut self.texture, "features", shown, sampling);
+        }
+    }
+
     /// Makes of the surfaces what is to be shown, unless that was done.
     pub(super) fn refresh(&mut self, context: &egui::Context, surfaces: &Surfaces) {
         let Some(feature) = self.missing() else { return };
         if let Some(shown) = surfaces.shown(feature) {
-            set_texture(context, &mut self.texture, "features", &shown);
+            set_texture(context, &mut self.texture, "features", &shown, self.sampling);
             self.made = Some((feature, shown));
         }
     }

@@ -33,9 +33,11 @@ impl Document {
             }
         };
         let (viewport, size, seen) = (self.front.view.viewport, self.size(), self.front.shown.handle());
+        let (look, is_around) = (self.front.view.look, self.front.view.is_around);
         self.show_tab(tab);
         if self.size() == size {
             self.front.view.viewport = viewport;
+            self.front.view.look_as(look, is_around);
         }
         self.front.shown.stand_in(seen);
         if let Some(frames) = &mut self.frames {

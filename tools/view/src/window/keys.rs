@@ -25,7 +25,7 @@ const CTRL: Modifiers = Modifiers::COMMAND;
 const ALT: Modifiers = Modifiers::ALT;
 
 /// All keys but the numbers. Where two differ in their modifiers only, the one with more comes first.
-pub(super) const BINDINGS: [Binding; 63] = [
+pub(super) const BINDINGS: [Binding; 68] = [
     bind(CTRL.plus(SHIFT), Key::O, Action::AddView, "Ctrl+Shift+O", "Open containers beside this view, as tabs"),
     bind(CTRL, Key::O, Action::Open, "Ctrl+O", "Open a container, or several as tabs"),
     bind(CTRL.plus(SHIFT), Key::Tab, Action::LastTab, "", ""),
@@ -48,6 +48,10 @@ pub(super) const BINDINGS: [Binding; 63] = [
     bind(CTRL, Key::Z, Action::Undo, "Ctrl+Z", "Undo; a drag is one step"),
     bind(CTRL, Key::Y, Action::Redo, "", ""),
     bind(SHIFT, Key::R, Action::ResetLights, "Shift+R", "Reset to the scene's own lighting"),
+    bind(CTRL, Key::ArrowLeft, Action::TurnLeft, "Ctrl+arrows", "Turn in a panorama"),
+    bind(CTRL, Key::ArrowRight, Action::TurnRight, "", ""),
+    bind(CTRL, Key::ArrowUp, Action::TurnUp, "", ""),
+    bind(CTRL, Key::ArrowDown, Action::TurnDown, "", ""),
     bind(NONE, Key::ArrowDown, Action::NextLight, "Down or S / Up or W", "Select the next or previous light"),
     bind(NONE, Key::ArrowUp, Action::LastLight, "", ""),
     bind(NONE, Key::S, Action::NextLight, "", ""),
@@ -80,6 +84,7 @@ pub(super) const BINDINGS: [Binding; 63] = [
     bind(NONE, Key::Plus, Action::ZoomIn, "+ / − or scroll", "Zoom in or out"),
     bind(NONE, Key::Equals, Action::ZoomIn, "", ""),
     bind(NONE, Key::Minus, Action::ZoomOut, "", ""),
+    bind(NONE, Key::P, Action::LookAround, "P", "Look around in a panorama, or see it flat"),
     bind(NONE, Key::K, Action::Snapshot, "K", "Keep a snapshot"),
     bind(NONE, Key::C, Action::Wipe, "C", "Compare with the newest snapshot or reference"),
     bind(CTRL, Key::B, Action::Panels, "Ctrl+B", "Show or hide the panels"),
@@ -99,7 +104,7 @@ const OTHERS: [(&str, &str); 18] = [
     ("Alt, held", "See the compared picture whole"),
     ("Tab / Shift+Tab", "Go from control to control; Space presses"),
     ("Left / Right on a fader", "A quarter stop; with Shift a twentieth"),
-    ("Drag the picture", "Pan"),
+    ("Drag the picture", "Pan; in a panorama turn"),
     ("Shift-drag the picture", "Select the lights in a rectangle; with Ctrl too, add them"),
     ("Drag a sun in the picture", "Move it over the sky"),
     ("Click the picture", "Select the light that matters most there"),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use eframe::egui::{self, TextureHandle, TextureId};
 
 use super::number_format::short;
+use super::sampling::Sampling;
 use super::shown_picture::set_texture;
 use crate::display::Shown;
 use crate::meter::{Area, Field, Figures, Label, Measured, Scale, coloured, labels, measure};
@@ -59,6 +60,7 @@ pub(super) struct LightMeter {
     /// Labels of the isolines.
     labels: Vec<Label>,
     texture: Option<TextureHandle>,
+    sampling: Sampling,
 }
 
 impl LightMeter {
@@ -75,6 +77,15 @@ impl LightMeter {
         let field = self.field.as_ref().map(|(_, field)| field)?;
         let scale = self.scale.unwrap_or_else(|| Scale::fitting(field));
         Some(Scale { lines: !self.no_lines, ..scale })
+    }
+
+    /// Shows pictures from now on as sampled so.
+    pub(super) fn sample(&mut self, context: &egui::Context, sampling: Sampling) {
+        if std::mem::replace(&mut self.sampling, sampling) != sampling
+            && let Some(overlay) = &self.overlay
+        {
+            set_texture(context, &mut self.texture, "meter", &overlay.shown, sampling);
+        }
     }
 
     /// The texture to draw instead of the image.
@@ -174,7 +185,7 @@ impl LightMeter {
         if self.overlay.as_ref().is_none_or(|overlay| overlay.of != key || overlay.scale != scale) {
             match coloured(field, scale) {
                 Ok(shown) => {
-                    set_texture(context, &mut self.texture, "meter", &shown);
+                    set_texture(context, &mut self.texture, "meter", &shown, self.sampling);
                     self.labels = if scale.lines { labels(field, scale) } else { Vec::new() };
                     self.overlay = Some(Overlay { of: key, scale, shown });
                 }

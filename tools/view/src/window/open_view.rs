@@ -11,15 +11,19 @@ use super::features_view::FeaturesView;
 use super::file_jobs::ViewFiles;
 use super::light_meter::LightMeter;
 use super::requests::Requests;
+use super::sampling::Sampling;
 use super::shown_picture::ShownPicture;
 use super::surfaces_state::SurfacesState;
 use super::view_state::ViewState;
 use crate::mixer::Mix;
+use crate::panorama::LookAround;
+use crate::seen::stated_camera;
 use crate::shared_lights::{SharedLights, ViewLights};
 use crate::worker::{Means, PictureProgress, Session};
 use ltm::error::Result;
 use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
+use ltm::scene::Projection;
 
 pub(super) struct OpenView {
     /// What its tab is called.
@@ -68,8 +72,13 @@ impl OpenView {
         state: Option<RenderState>,
     ) -> Result<Self> {
         let lighting = Arc::new(lights.mix(mix).lighting(session.basis())?);
+        let shape = session.container.shape();
+        // By its camera; where none is stated, one can look around in a picture of the right shape.
+        let stated = stated_camera(session.container.job()).map(|camera| camera.projection == Projection::Panorama);
+        let may_be = stated.unwrap_or(shape.width() == 2 * shape.height());
+        let look = may_be.then(LookAround::default);
         Ok(Self {
-            view: ViewState::default(),
+            view: ViewState { look, is_around: stated == Some(true), ..ViewState::default() },
             surfaces: SurfacesState::default(),
             meter: LightMeter::default(),
             features: FeaturesView::default(),
@@ -89,6 +98,19 @@ impl OpenView {
     pub(super) fn size(&self) -> [u32; 2] {
         let shape = self.session.container.shape();
         [shape.width(), shape.height()]
+    }
+
+    /// Has all that is shown of it sampled as one looks at it.
+    pub(super) fn sample(&mut self, context: &egui::Context) {
+        let is_around = self.view.is_around;
+        let sampling = if is_around { Sampling::Around } else { Sampling::Squares };
+        self.compare.sample(context, sampling);
+        self.meter.sample(context, sampling);
+        self.features.sample(context, sampling);
+        if self.shown.look_around(is_around) {
+            // The picture comes once more.
+            self.requests.display = None;
+        }
     }
 
     /// The lighting of this view by a mix of all lights.

@@ -1,4 +1,4 @@
-//! The picture: pan, zoom, wipe, and the click that asks which light matters.
+//! The picture: pan, zoom, turns in a panorama, wipe, and the click that asks which light matters.
 
 use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, vec2};
 
@@ -7,11 +7,12 @@ use super::document::Document;
 use super::message::Message;
 use super::meter_overlay::{draw_area, draw_labels};
 use super::outline_panel::{camera_moves, is_camera_drag};
+use super::picture_place::Place;
 use super::seen_lights::{
     SUN_GRIP, SeenSun, draw_band, draw_suns, move_sun, seen_suns, select_in_picture, shows_directions,
 };
 use super::theme::{ACCENT, WEAK};
-use super::view_state::Beside;
+use super::view_state::{Beside, FINE_STEP, STEP};
 
 /// How near, in points, the pointer must be to take hold of the wipe.
 const GRIP: f32 = 7.0;
@@ -28,57 +29,26 @@ enum Held {
     Picture,
 }
 
-/// Position of the image on the screen.
-struct Place {
-    /// The room for it.
-    view: Rect,
-    /// The picture in it.
-    picture: Rect,
+/// The object at a position.
+fn held_at(place: &Place, document: &Document, at: Pos2) -> Held {
+    let near = |corner: &[f32; 2]| place.to_screen(*corner).is_some_and(|corner| corner.distance(at) < GRIP);
+    let wipes = document.front.compare.id().is_some() && document.front.view.beside == Beside::Wipe;
+    match document.front.meter.area.corners.iter().position(near) {
+        Some(corner) => Held::Corner(corner),
+        None if wipes && (at.x - wipe_x(place, document)).abs() < GRIP => Held::Wipe,
+        None => sun_at(place, document, at).map_or(Held::Picture, Held::Sun),
+    }
 }
 
-impl Place {
-    fn of(view: Rect, document: &Document) -> Self {
-        let [left, top] = document.front.view.viewport.to_view([0.0, 0.0]);
-        let extent = document.size().map(|v| v as f32 * document.front.view.viewport.zoom);
-        let picture = Rect::from_min_size(view.center() + vec2(left, top), vec2(extent[0], extent[1]));
-        Self { view, picture }
-    }
+fn wipe_x(place: &Place, document: &Document) -> f32 {
+    place.picture.left() + document.front.compare.snapshots.wipe * place.picture.width()
+}
 
-    fn wipe_x(&self, document: &Document) -> f32 {
-        self.picture.left() + document.front.compare.snapshots.wipe * self.picture.width()
-    }
-
-    /// Offset from the centre of the view, in points.
-    fn offset_of(&self, at: Pos2) -> [f32; 2] {
-        [at.x - self.view.center().x, at.y - self.view.center().y]
-    }
-
-    fn to_screen(&self, document: &Document, position: [f32; 2]) -> Pos2 {
-        let [x, y] = document.front.view.viewport.to_view(position);
-        self.view.center() + vec2(x, y)
-    }
-
-    /// The object at a position.
-    fn held_at(&self, document: &Document, at: Pos2) -> Held {
-        let near = |corner: &[f32; 2]| self.to_screen(document, *corner).distance(at) < GRIP;
-        let wipes = document.front.compare.id().is_some() && document.front.view.beside == Beside::Wipe;
-        match document.front.meter.area.corners.iter().position(near) {
-            Some(corner) => Held::Corner(corner),
-            None if wipes && (at.x - self.wipe_x(document)).abs() < GRIP => Held::Wipe,
-            None => self.sun_at(document, at).map_or(Held::Picture, Held::Sun),
-        }
-    }
-
-    /// The light whose sun is taken hold of at a place.
-    fn sun_at(&self, document: &Document, at: Pos2) -> Option<usize> {
-        let suns = suns_of(document).into_iter();
-        let near = suns.map(|sun| (self.to_screen(document, sun.position).distance(at), sun.light));
-        near.filter(|(distance, _)| *distance < SUN_GRIP).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, light)| light)
-    }
-
-    fn to_picture(&self, document: &Document, at: Pos2) -> [f32; 2] {
-        document.front.view.viewport.to_picture(self.offset_of(at))
-    }
+/// The light whose sun is taken hold of at a place.
+fn sun_at(place: &Place, document: &Document, at: Pos2) -> Option<usize> {
+    let suns = suns_of(document).into_iter();
+    let near = suns.filter_map(|sun| Some((place.to_screen(sun.position)?.distance(at), sun.light)));
+    near.filter(|(distance, _)| *distance < SUN_GRIP).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, light)| light)
 }
 
 pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
@@ -86,6 +56,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let size = document.size();
     document.front.view.viewport.follow([rect.width() - 24.0, rect.height() - 24.0], size);
+    document.front.view.room = rect.size().into();
     if document.front.view.moves_camera {
         document.front.view.moves.extend(camera_moves(ui, &response));
     }
@@ -100,25 +71,26 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
         let is_camera =
             document.front.view.moves_camera && ui.input(|input| input.modifiers.command || input.modifiers.alt);
         if factor != 1.0 && !is_camera {
-            document.front.view.viewport.zoom_about(place.offset_of(pointer), factor);
+            document.front.view.zoom_about(place.offset_of(pointer), factor);
         }
-        match place.held_at(document, pointer) {
+        match held_at(&place, document, pointer) {
             Held::Wipe => ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal),
             Held::Corner(_) | Held::Sun(_) => ui.ctx().set_cursor_icon(egui::CursorIcon::Grab),
             Held::Picture if document.front.meter.draws => ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair),
             Held::Picture | Held::Band(_) => {}
         }
     }
-    let at = |pointer: Pos2| document.front.view.viewport.pixel_at(place.offset_of(pointer), size);
-    document.front.view.hovered = hover.and_then(at);
+    turn_by_keys(ui, document, &response);
+    let place = Place::of(rect, document);
+    document.front.view.hovered = hover.and_then(|pointer| place.pixel_at(pointer));
     if document.front.meter.draws {
         draw_corner(ui, document, &response, &place);
     } else if response.double_clicked() {
-        document.front.view.viewport.fit();
+        document.front.view.fit();
     } else if let (true, Some(sky), Some(pointer)) =
         (response.clicked(), sky_for_suns(document), response.interact_pointer_pos())
     {
-        move_sun_to(document, sky, place.to_picture(document, pointer));
+        move_sun_to(document, sky, place.to_picture(pointer));
     } else if let (true, Some(pixel)) = (response.clicked(), document.front.view.hovered) {
         document.front.view.select_strongest = true;
         document.front.session.worker.ask_pixel(pixel);
@@ -126,11 +98,32 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     let place = Place::of(rect, document);
     draw(ui, document, &place);
     let painter = ui.painter().with_clip_rect(rect);
-    draw_suns(&painter, &suns_of(document), |position| place.to_screen(document, position));
+    draw_suns(&painter, &suns_of(document), |position| place.to_screen(position));
     if let Some(band) = held_band(ui, &response) {
         draw_band(&painter, band);
     }
+    if response.has_focus() && document.front.view.around().is_some() {
+        painter.rect_stroke(rect, 0.0, (1.0, ACCENT), egui::StrokeKind::Inside);
+    }
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "picture"));
+}
+
+/// Arrows turn in a panorama while the picture has the keyboard, finely with Shift.
+fn turn_by_keys(ui: &Ui, document: &mut Document, response: &egui::Response) {
+    if !response.has_focus() || document.front.view.around().is_none() {
+        return;
+    }
+    let filter = egui::EventFilter { horizontal_arrows: true, vertical_arrows: true, ..Default::default() };
+    ui.memory_mut(|memory| memory.set_focus_lock_filter(response.id, filter));
+    use egui::Key::{ArrowDown, ArrowLeft, ArrowRight, ArrowUp};
+    for (key, turn) in
+        [(ArrowLeft, [-1.0, 0.0]), (ArrowRight, [1.0, 0.0]), (ArrowUp, [0.0, 1.0]), (ArrowDown, [0.0, -1.0])]
+    {
+        let (presses, is_fine) =
+            ui.input_mut(|input| (input.count_and_consume_key(egui::Modifiers::NONE, key), input.modifiers.shift));
+        let far = presses as f32 * if is_fine { FINE_STEP } else { STEP };
+        document.front.view.turn(turn.map(|way| way * far));
+    }
 }
 
 /// The sky that a click in the picture puts the sun into: the selected one, while the sun is its tool.
@@ -169,15 +162,16 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
         let origin = ui.input(|input| input.pointer.press_origin());
         let held = match origin {
             Some(origin) if modifiers.shift => Held::Band(origin),
-            Some(origin) => place.held_at(document, origin),
+            Some(origin) => held_at(&place, document, origin),
             None => Held::Picture,
         };
         ui.data_mut(|data| data.insert_temp(id, held));
     }
     let held = ui.data(|data| data.get_temp(id).unwrap_or(Held::Picture));
     if let (Held::Band(from), Some(to), true) = (held, response.interact_pointer_pos(), response.drag_stopped()) {
-        let corners = [from, to].map(|at| place.to_picture(document, at));
-        let text = select_in_picture(&document.front, &mut document.list, corners, modifiers.command);
+        let band = Rect::from_two_pos(from, to);
+        let holds = |position| place.to_screen(position).is_some_and(|at| band.contains(at));
+        let text = select_in_picture(&document.front, &mut document.list, holds, modifiers.command);
         document.message = Some(Message::info(text));
     }
     if !response.dragged() {
@@ -189,16 +183,17 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
             document.front.compare.snapshots.wipe = part.clamp(0.0, 1.0);
         }
         (Held::Corner(corner), Some(pointer)) => {
-            let position = document.front.view.viewport.to_picture(place.offset_of(pointer));
+            let position = place.to_picture(pointer);
             if let Some(corner) = document.front.meter.area.corners.get_mut(corner) {
                 *corner = position;
             }
         }
-        (Held::Sun(light), Some(pointer)) => move_sun_to(document, light, place.to_picture(document, pointer)),
+        (Held::Sun(light), Some(pointer)) => move_sun_to(document, light, place.to_picture(pointer)),
         (Held::Band(_), _) => {}
         _ => {
             let delta = response.drag_delta();
-            document.front.view.viewport.pan([delta.x, delta.y], document.size());
+            let size = document.size();
+            document.front.view.pan(delta.into(), size);
         }
     }
 }
@@ -211,13 +206,13 @@ fn draw_corner(ui: &Ui, document: &mut Document, response: &egui::Response, plac
     } else if enter || response.double_clicked() {
         document.front.meter.draws = false;
     } else if let (true, Some(pointer)) = (response.clicked(), response.interact_pointer_pos()) {
-        let position = document.front.view.viewport.to_picture(place.offset_of(pointer));
+        let position = place.to_picture(pointer);
         document.front.meter.area.corners.push(position);
     }
 }
 
 fn draw(ui: &Ui, document: &Document, place: &Place) {
-    let (rect, picture) = (place.view, place.picture);
+    let rect = place.view;
     let painter = ui.painter().with_clip_rect(rect);
     let Some(texture) = document.front.shown.drawn() else {
         let read = document.front.shown.progress.base;
@@ -229,20 +224,19 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
         painter.rect_filled(done, 1.5, ACCENT);
         return;
     };
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     let texture = document.front.features.id().or(document.front.meter.id()).unwrap_or(texture);
     if let Some(outline) = document.front.view.outline {
-        painter.image(outline, picture, whole, Color32::WHITE);
+        place.draw(&painter, outline, 0.0);
         return tag(&painter, Align2::CENTER_CENTER, pos2(rect.center().x, rect.top() + 18.0), "outline");
     }
-    painter.image(texture, picture, whole, Color32::WHITE);
+    place.draw(&painter, texture, 0.0);
     draw_compared(ui, &painter, document, place);
     if document.front.features.id().is_none() {
-        draw_labels(&painter, &document.front.meter, |position| place.to_screen(document, position));
+        draw_labels(&painter, &document.front.meter, |position| place.to_screen(position));
     }
-    draw_area(&painter, &document.front.meter, |position| place.to_screen(document, position));
-    if let Some(asked) = &document.front.view.asked {
-        let at = place.to_screen(document, [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5]);
+    draw_area(&painter, &document.front.meter, place.parts_of_side(), |position| place.to_screen(position));
+    let asked = document.front.view.asked.as_ref();
+    if let Some(at) = asked.and_then(|asked| place.to_screen(asked.pixel.map(|at| at as f32 + 0.5))) {
         painter.circle_stroke(at, 6.0, (2.5, Color32::from_black_alpha(140)));
         painter.circle_stroke(at, 6.0, (1.2, ACCENT));
     }
@@ -263,7 +257,6 @@ fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &
         return;
     };
     let name = &document.front.compare.snapshots.list()[index].name;
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     // With Alt held the other is seen whole, as references are in tev.
     let alt = ui.input(|input| input.modifiers.alt);
     let beside = if alt { Beside::Other } else { document.front.view.beside };
@@ -271,20 +264,19 @@ fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &
     let left = picture.left().max(rect.left()) + 14.0;
     match (beside, document.front.compare.difference_id()) {
         (Beside::Wipe, _) => {
-            let (wipe, wipe_x) = (document.front.compare.snapshots.wipe, place.wipe_x(document));
-            let part = Rect::from_min_max(pos2(wipe_x, picture.top()), picture.max);
-            painter.image(other, part, Rect::from_min_max(pos2(wipe, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+            let wipe_x = wipe_x(place, document);
+            place.draw(painter, other, document.front.compare.snapshots.wipe);
             painter.vline(wipe_x, picture.y_range(), (1.5, Color32::from_gray(235)));
             painter.circle_filled(pos2(wipe_x, picture.center().y), 5.0, Color32::from_gray(235));
             tag(painter, Align2::RIGHT_CENTER, pos2(wipe_x - 14.0, top), "now");
             tag(painter, Align2::LEFT_CENTER, pos2(wipe_x + 14.0, top), name);
         }
         (Beside::Other, _) => {
-            painter.image(other, picture, whole, Color32::WHITE);
+            place.draw(painter, other, 0.0);
             tag(painter, Align2::LEFT_CENTER, pos2(left, top), name);
         }
         (Beside::Difference, Some(difference)) => {
-            painter.image(difference, picture, whole, Color32::WHITE);
+            place.draw(painter, difference, 0.0);
             let text = format!("FLIP of now and {name}: black is none, yellow much");
             tag(painter, Align2::LEFT_CENTER, pos2(left, top), &text);
         }

@@ -9,7 +9,8 @@ use glam::{DVec3, Vec3};
 
 use super::document::{Document, Opening};
 use super::message::{Message, line};
-use super::shown_picture::set_filtered_texture;
+use super::sampling::Sampling;
+use super::shown_picture::set_texture;
 use super::{worker_events, worker_requests};
 use crate::camera_moves::{CameraMove, MovingCamera};
 use crate::display::Display;
@@ -18,7 +19,7 @@ use crate::live::{LiveChoices, LiveClock, LiveEvent, LiveJob, LiveView, output_o
 use crate::saved_view::{self, Saved};
 use ltm::error::Error;
 use ltm::pipeline::{Estimate, RenderStage};
-use ltm::scene::{Camera, NamedCamera};
+use ltm::scene::{Camera, NamedCamera, Projection};
 
 /// Moves that can be undone.
 const MOST_UNDO: usize = 200;
@@ -174,7 +175,9 @@ impl Rendering {
                 LiveEvent::Outline { camera, image, distance } => {
                     let mut texture = self.outline.take().map(|(_, texture)| texture);
                     let shown = Display::default().show(&image);
-                    set_filtered_texture(context, &mut texture, "outline", &shown, egui::TextureFilter::Linear);
+                    let is_panorama = camera.projection == Projection::Panorama;
+                    let sampling = if is_panorama { Sampling::Around } else { Sampling::Smooth };
+                    set_texture(context, &mut texture, "outline", &shown, sampling);
                     self.outline = texture.map(|texture| (camera, texture));
                     let is_moving = self.is_moving;
                     if let (Some(view), Some(distance), false) = (&mut self.view, distance, is_moving)

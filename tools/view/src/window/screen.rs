@@ -3,10 +3,14 @@
 use eframe::egui::TextureId;
 use eframe::egui_wgpu::RenderState;
 
+use super::sampling::Sampling;
+
 /// Known as long as this lives.
 pub(super) struct ScreenTexture {
     texture: wgpu::Texture,
     id: TextureId,
+    /// As one looks around in a panorama.
+    around: TextureId,
     state: RenderState,
 }
 
@@ -19,23 +23,32 @@ impl ScreenTexture {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         };
+        let around = wgpu::SamplerDescriptor {
+            address_mode_u: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            ..sampler.clone()
+        };
         let mut renderer = state.renderer.write();
-        let id = renderer.register_native_texture_with_sampler_options(&state.device, &view, sampler);
+        let mut register =
+            |sampler| renderer.register_native_texture_with_sampler_options(&state.device, &view, sampler);
+        let (id, around) = (register(sampler), register(around));
         drop(renderer);
-        Self { texture, id, state }
+        Self { texture, id, around, state }
     }
 
     pub(super) fn shows(&self, texture: &wgpu::Texture) -> bool {
         self.texture == *texture
     }
 
-    pub(super) fn id(&self) -> TextureId {
-        self.id
+    pub(super) fn id(&self, sampling: Sampling) -> TextureId {
+        if sampling == Sampling::Around { self.around } else { self.id }
     }
 }
 
 impl Drop for ScreenTexture {
     fn drop(&mut self) {
-        self.state.renderer.write().free_texture(&self.id);
+        let mut renderer = self.state.renderer.write();
+        renderer.free_texture(&self.id);
+        renderer.free_texture(&self.around);
     }
 }

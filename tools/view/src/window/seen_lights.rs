@@ -7,7 +7,7 @@ use super::open_view::OpenView;
 use super::pattern_editor::PatternEditorState;
 use super::theme::ACCENT;
 use crate::mixer::Mix;
-use crate::seen::{lights_within, position};
+use crate::seen::{lights_within, position, stated_camera};
 use crate::sun::{PlacedSun, choose_sun, suns};
 use crate::worker::Session;
 use ltm::light::{LightBasis, LightKind};
@@ -27,8 +27,7 @@ pub(super) struct SeenSun {
 
 /// The camera that the picture was rendered with.
 fn camera(session: &Session) -> Option<Camera> {
-    let job = session.container.job();
-    Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
+    stated_camera(session.container.job())
 }
 
 /// Whether places of the picture say directions: not without a camera, nor with an orthographic one, of which all have the same.
@@ -75,13 +74,18 @@ pub(super) fn move_sun(
     }
 }
 
-/// Selects the lights whose middle lies in a rectangle of the picture, beside those that are selected if it `adds`; what
+/// Selects the lights whose middle lies where the picture `holds` them, beside those that are selected if it `adds`; what
 /// to say about it.
-pub(super) fn select_in_picture(view: &OpenView, list: &mut LightList, corners: [[f32; 2]; 2], adds: bool) -> String {
+pub(super) fn select_in_picture(
+    view: &OpenView,
+    list: &mut LightList,
+    holds: impl Fn([f32; 2]) -> bool,
+    adds: bool,
+) -> String {
     let Some(camera) = camera(&view.session) else {
         return "This container does not say how its camera stood; those rendered from now on do".to_owned();
     };
-    let found = lights_within(&camera, view.session.basis(), corners).into_iter();
+    let found = lights_within(&camera, view.session.basis(), holds).into_iter();
     let found: Vec<usize> = found.map(|light| view.lights.places()[light]).collect();
     let count = found.len();
     if count > 0 {
@@ -97,9 +101,9 @@ pub(super) fn select_in_picture(view: &OpenView, list: &mut LightList, corners: 
 }
 
 /// Draws the suns over the picture. `to_screen` brings picture positions there.
-pub(super) fn draw_suns(painter: &egui::Painter, suns: &[SeenSun], to_screen: impl Fn([f32; 2]) -> Pos2) {
+pub(super) fn draw_suns(painter: &egui::Painter, suns: &[SeenSun], to_screen: impl Fn([f32; 2]) -> Option<Pos2>) {
     for sun in suns {
-        let at = to_screen(sun.position);
+        let Some(at) = to_screen(sun.position) else { continue };
         let colour = if sun.shines { Color32::from_rgb(255, 214, 90) } else { Color32::from_gray(150) };
         for (width, colour) in [(4.0, Color32::from_black_alpha(170)), (1.8, colour)] {
             let stroke = Stroke::new(width, colour);

@@ -4,9 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-use eframe::egui::{self, ColorImage, TextureHandle, TextureId, TextureOptions};
+use eframe::egui::{self, ColorImage, TextureHandle, TextureId};
 use eframe::egui_wgpu::RenderState;
 
+use super::sampling::Sampling;
 use super::screen::ScreenTexture;
 use crate::display::Shown;
 use crate::worker::{Picture, PictureProgress, Seen};
@@ -53,6 +54,8 @@ pub(super) struct ShownPicture {
     pub(super) valued: u64,
     /// Whether larger pixels run into each other: of an early picture they mean nothing by themselves.
     pub(super) is_smooth: bool,
+    /// Whether one looks around in it.
+    is_around: bool,
     /// What its texture is called.
     name: String,
     texture: Option<TextureHandle>,
@@ -80,6 +83,7 @@ impl ShownPicture {
             seen: 0,
             valued: 0,
             is_smooth: false,
+            is_around: false,
             name,
             texture: None,
             stand_in: None,
@@ -97,8 +101,8 @@ impl ShownPicture {
         self.stand_in = None;
         match (picture.seen, &self.state) {
             (Seen::Bytes(shown, image), _) => {
-                let filter = if self.is_smooth { egui::TextureFilter::Linear } else { egui::TextureFilter::Nearest };
-                set_filtered_texture(context, &mut self.texture, &self.name, &shown, filter);
+                let sampling = self.sampling();
+                set_texture(context, &mut self.texture, &self.name, &shown, sampling);
                 self.screen = None;
                 return Some(PictureValues { generation: picture.generation, image, histogram: shown.histogram });
             }
@@ -113,10 +117,23 @@ impl ShownPicture {
         None
     }
 
+    fn sampling(&self) -> Sampling {
+        match (self.is_around, self.is_smooth) {
+            (true, _) => Sampling::Around,
+            (false, true) => Sampling::Smooth,
+            (false, false) => Sampling::Squares,
+        }
+    }
+
+    /// Shows further pictures as one looks around in them, or flat; whether that is another way than before.
+    pub(super) fn look_around(&mut self, is_around: bool) -> bool {
+        std::mem::replace(&mut self.is_around, is_around) != is_around
+    }
+
     /// The texture of the image.
     pub(super) fn id(&self) -> Option<TextureId> {
         let in_memory = || self.texture.as_ref().map(TextureHandle::id);
-        self.screen.as_ref().map(ScreenTexture::id).or_else(in_memory)
+        self.screen.as_ref().map(|screen| screen.id(self.sampling())).or_else(in_memory)
     }
 
     /// The texture to draw: that of another picture while there is none of this.
@@ -165,24 +182,18 @@ pub(super) fn colour_image(shown: &Shown) -> ColorImage {
     ColorImage::from_rgba_premultiplied(shown.size, &shown.rgba)
 }
 
-/// Sets a texture, or makes it. Its pixels are squares when they are large.
-pub(super) fn set_texture(context: &egui::Context, texture: &mut Option<TextureHandle>, name: &str, shown: &Shown) {
-    set_filtered_texture(context, texture, name, shown, egui::TextureFilter::Nearest);
-}
-
-/// As [`set_texture`], with what large pixels are filtered by.
-pub(super) fn set_filtered_texture(
+/// Sets a texture, or makes it.
+pub(super) fn set_texture(
     context: &egui::Context,
     texture: &mut Option<TextureHandle>,
     name: &str,
     shown: &Shown,
-    magnification: egui::TextureFilter,
+    sampling: Sampling,
 ) {
-    let options = TextureOptions { magnification, minification: egui::TextureFilter::Linear, ..Default::default() };
     let image = reduced(colour_image(shown), context.input(|input| input.max_texture_side));
     match texture {
-        Some(texture) => texture.set(image, options),
-        None => *texture = Some(context.load_texture(name, image, options)),
+        Some(texture) => texture.set(image, sampling.options()),
+        None => *texture = Some(context.load_texture(name, image, sampling.options())),
     }
 }
 

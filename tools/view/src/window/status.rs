@@ -51,7 +51,10 @@ fn message(ui: &mut Ui, document: &mut Document) {
 /// Frames a second and what a change costs.
 fn cost(ui: &mut Ui, document: &Document) {
     ui.label(weak("? for keys".into()));
-    ui.label(weak(format!("{:.0} %", document.front.view.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
+    ui.label(weak(match document.front.view.around() {
+        Some(look) => format!("{:.0}° wide", look.field.to_degrees()),
+        None => format!("{:.0} %", document.front.view.viewport.zoom * ui.ctx().pixels_per_point() * 100.0),
+    }));
     let latency = document.front.shown.latency;
     if latency.total_secs > 0.0 {
         let frames = if latency.frames == 1 { "frame" } else { "frames" };

@@ -20,12 +20,6 @@ pub(super) enum Choice {
 pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Option<Choice> {
     let mut choice = None;
     egui::MenuBar::new().ui(ui, |ui| {
-        let item = |ui: &mut Ui, choice: &mut Option<Choice>, action: Action, name: &str, enabled: bool| {
-            let button = Button::new(name).shortcut_text(RichText::new(keys_of(action)).color(WEAK));
-            if ui.add_enabled(enabled, button).clicked() {
-                *choice = Some(Choice::Act(action));
-            }
-        };
         let shown = document.front.shown.image.is_some();
         let has_tabs = document.frames.is_none() && !document.behind.is_empty();
         let comparing = document.front.compare.snapshots.compared().is_some();
@@ -81,6 +75,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             ui.separator();
             item(ui, &mut choice, Action::Fit, "Fit", true);
             item(ui, &mut choice, Action::ActualSize, "Actual size", true);
+            let way = if document.front.view.is_around { "See the panorama flat" } else { "Look around" };
+            item(ui, &mut choice, Action::LookAround, way, document.front.view.look.is_some());
             item(ui, &mut choice, Action::Normalise, "Automatic exposure", shown);
             item(ui, &mut choice, Action::NextCurve, "Next tone curve", true);
             ui.separator();
@@ -118,6 +114,14 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
         });
     });
     choice
+}
+
+/// An action in a menu.
+fn item(ui: &mut Ui, choice: &mut Option<Choice>, action: Action, name: &str, enabled: bool) {
+    let button = Button::new(name).shortcut_text(RichText::new(keys_of(action)).color(WEAK));
+    if ui.add_enabled(enabled, button).clicked() {
+        *choice = Some(Choice::Act(action));
+    }
 }
 
 /// The remembered files of a kind as buttons; the one that was chosen.

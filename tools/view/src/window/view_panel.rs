@@ -71,10 +71,16 @@ fn display(ui: &mut Ui, document: &mut Document) {
         ui.label(RichText::new("View").size(15.0).strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if ui.button("1:1").on_hover_text("One pixel per pixel of the screen (Ctrl+0)").clicked() {
-                document.front.view.viewport.one_to_one(ui.ctx().pixels_per_point());
+                act(ui.ctx(), document, Action::ActualSize);
             }
             if ui.button("Fit").on_hover_text("The whole picture (F)").clicked() {
-                document.front.view.viewport.fit();
+                act(ui.ctx(), document, Action::Fit);
+            }
+            if document.front.view.look.is_some() {
+                let label = ui.selectable_label(document.front.view.is_around, "Look around");
+                if label.on_hover_text("Look around in the panorama, or see it flat (P)").clicked() {
+                    act(ui.ctx(), document, Action::LookAround);
+                }
             }
         });
     });

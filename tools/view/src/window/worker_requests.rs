@@ -21,6 +21,7 @@ use ltm::relight::relight_streaming;
 /// Asks for what has changed; after the panels were drawn. `held` while a drag is on.
 pub(super) fn ask(document: &mut Document, context: &egui::Context, held: bool) {
     document.work.observe(held);
+    document.front.sample(context);
     autosave(document, context, held);
     relight_snapshot(document);
     compare_pictures(document, held);
@@ -58,7 +59,7 @@ pub(super) fn ask_picture(document: &mut Document, context: &egui::Context) {
         generation: front.requests.generation,
         lighting: front.requests.lighting.clone(),
         display: document.display,
-        looked_at: front.view.viewport.centre,
+        looked_at: front.view.looked_at(front.size()),
         compared,
     });
     // After the lighting under which it is asked.

@@ -76,11 +76,16 @@ pub(crate) fn write_stage(path: &Path, count: usize) {
 
 /// Writes a container of these lamps, each of which lights a vertical strip of a grey picture, the first at the left edge.
 pub(crate) fn write_lamps(path: &Path, lamps: &[&str]) {
+    write_sized_lamps(path, STAGE, lamps);
+}
+
+/// As [`write_lamps`], with a picture of this size. The container states no camera.
+pub(crate) fn write_sized_lamps(path: &Path, [width, height]: [u32; 2], lamps: &[&str]) {
     let (mut basis, count) = (LightBasis::new(), lamps.len());
     for name in lamps {
         basis.push(Light::unplaced(*name, LightKind::Lamp)).unwrap();
     }
-    let shape = MatrixShape::new(STAGE[0], STAGE[1], count as u32, 32).unwrap();
+    let shape = MatrixShape::new(width, height, count as u32, 32).unwrap();
     let job = Job { shape, basis, provenance: Provenance { source: "stage".into(), ..Default::default() } };
     let writer =
         ContainerWriter::create(path, &job, ContainerOptions { overwrite: true, ..Default::default() }).unwrap();
@@ -89,7 +94,7 @@ pub(crate) fn write_lamps(path: &Path, lamps: &[&str]) {
         let mut block = Block::zeros(rect.pixels() * 3, count);
         for row in 0..block.rows() {
             let x = rect.x as usize + row % rect.pixels() % rect.width as usize;
-            let lamp = x * count / STAGE[0] as usize;
+            let lamp = x * count / width as usize;
             block.entries_mut()[lamp * rect.pixels() * 3 + row] = 0.5;
         }
         write_block(&writer, id, &TracedBlock { block, noise: None, planes: None }, count);

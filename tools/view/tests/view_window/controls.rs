@@ -161,7 +161,7 @@ fn dropped_files_do_what_the_hint_says() {
 }
 
 /// The pixel under the pointer, as the probe says it.
-fn pixel_at(driver: &mut Driver, at: Pos2) -> String {
+pub(crate) fn pixel_at(driver: &mut Driver, at: Pos2) -> String {
     driver.move_to(at);
     driver.frame(Vec::new());
     let is_pixel =

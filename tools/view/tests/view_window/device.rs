@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use eframe::egui::{Key, Modifiers};
+use eframe::egui::{Key, Modifiers, vec2};
 use ltm::container::ContainerReader;
 use ltm::image::{ToneCurve, ToneMapping};
 use ltm::light::Lighting;
@@ -11,12 +11,14 @@ use ltm::relight::CpuRelighter;
 use ltm_view::display::Display;
 use ltm_view::worker::{Event, Means, Request, Seen, Session, SharedDevice};
 
+use super::controls::pixel_at;
 use super::driver::{Driver, PATIENCE};
+use super::panoramas::write_panorama;
 use super::texels::texels;
 use super::{request, room, values, values_of, whole_picture};
 
 /// Tests of this file; they need an adapter.
-pub(crate) const TESTS: [(&str, fn()); 3] = [
+pub(crate) const TESTS: [(&str, fn()); 4] = [
     (
         "a_snapshot_that_is_asked_for_too_early_waits_for_its_values",
         a_snapshot_that_is_asked_for_too_early_waits_for_its_values,
@@ -29,6 +31,7 @@ pub(crate) const TESTS: [(&str, fn()); 3] = [
         "the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag",
         the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag,
     ),
+    ("a_panorama_that_the_device_shows_is_looked_around_in", a_panorama_that_the_device_shows_is_looked_around_in),
 ];
 
 /// Both add the same f32 products in another order; see the tests of the relighters.
@@ -41,6 +44,23 @@ fn device(shows: bool) -> SharedDevice {
     let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).unwrap();
     SharedDevice { device, queue, shows }
+}
+
+/// The device's texture is known to the window twice, flat and as one looks around; neither is lost with the other.
+fn a_panorama_that_the_device_shows_is_looked_around_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("around.ltc");
+    write_panorama(&path);
+    let mut driver = Driver::open_on_device(&path, Some(true));
+    let at = driver.find("picture").center() + vec2(1.0, 1.0);
+    for says in [true, false, true] {
+        assert_eq!(driver.says("80° wide"), says);
+        assert_eq!(pixel_at(&mut driver, at), "96, 48");
+        driver.key(Key::E, Modifiers::NONE);
+        driver.settle();
+        driver.key(Key::P, Modifiers::NONE);
+        driver.settle();
+    }
 }
 
 fn the_device_relights_within_its_budget_and_beyond_and_the_cpu_keeps_nothing_beside_it() {

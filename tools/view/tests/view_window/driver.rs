@@ -39,6 +39,8 @@ pub(crate) struct Driver {
     closed: bool,
     /// The newest bytes of each texture, by its name.
     textures: BTreeMap<String, Vec<u8>>,
+    /// How each is sampled.
+    sampled: BTreeMap<String, egui::TextureOptions>,
     /// Name of the texture that was drawn last as the picture.
     drawn: Option<String>,
 }
@@ -133,6 +135,7 @@ impl Driver {
             close_requested: false,
             closed: false,
             textures: BTreeMap::new(),
+            sampled: BTreeMap::new(),
             drawn: None,
         }
     }
@@ -165,6 +168,7 @@ impl Driver {
             let egui::ImageData::Color(image) = &delta.image;
             let name = self.context.tex_manager().read().meta(*id).map(|meta| meta.name.clone());
             if let (Some(name), None) = (name, delta.pos) {
+                self.sampled.insert(name.clone(), delta.options);
                 self.textures.insert(name, image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect());
             }
         }
@@ -211,6 +215,11 @@ impl Driver {
     /// The bytes of the picture that was drawn last, RGBA.
     pub(crate) fn picture(&self) -> Vec<u8> {
         self.texture(self.drawn.as_deref().expect("no picture was drawn yet"))
+    }
+
+    /// How the picture that was drawn last is sampled.
+    pub(crate) fn sampled(&self) -> egui::TextureOptions {
+        self.sampled[self.drawn.as_deref().expect("no picture was drawn yet")]
     }
 
     /// Whether there is a picture of the view of this name, drawn or not.
