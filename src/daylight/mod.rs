@@ -20,6 +20,8 @@
 mod calendar;
 mod cie;
 mod climate;
+mod dimming;
+mod glare;
 mod measures;
 mod mtx;
 mod perez;
@@ -31,6 +33,8 @@ mod sun;
 pub use calendar::DAYS_BEFORE_MONTH;
 pub use cie::CieSky;
 pub use climate::{Climate, ClimateStep, Measured};
+pub use dimming::{Dimming, LampYear, settled_light};
+pub use glare::{EyeGlare, GLARE_CLASSES, GLARE_LIMITS, glare_limits_lux, simplified_glare_probability};
 pub use measures::{ANNUAL_MEASURES, AnnualMeasures, EN_17037, HourSums, SpatialMeasures, Thresholds};
 pub use mtx::{MtxFormat, RadianceMatrix};
 pub use perez::PerezSky;
