@@ -225,6 +225,38 @@ fn eyes_have_the_glare_of_their_hours() {
     }
 }
 
+/// A panorama of 1 W/(sr·m²) everywhere: 179 π lx at the eye, no source, and the equation's probability.
+#[test]
+fn an_even_panorama_has_the_glare_of_its_illuminance() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = ltm::LinearImage { width: 64, height: 32, pixels: vec![[1.0; 3]; 64 * 32] };
+    ltm::image::write_exr(&folder.path().join("eye.exr"), &image).unwrap();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("ltm"));
+        command.current_dir(folder.path()).arg("glare").args(arguments);
+        outcome(&mut command)
+    };
+    let (code, said, problem) = run(&["eye.exr", "eye.exr", "--turn", "-40,10", "-o", "glare.csv"]);
+    assert_eq!(code, 0, "{said} {problem}");
+    let lux = 179.0 * std::f64::consts::PI;
+    let wanted = format!("eye.exr: DGP {:.3}, imperceptible; ", 5.87e-5 * lux + 0.16);
+    assert!(said.contains(&wanted) && said.contains("2 pictures: DGP at most 0.193"), "{said}");
+    assert!(problem.contains("warning: eye.exr: DGP was found above 380 lx at the eye and from 0.2 on"), "{problem}");
+    let table = fs::read_to_string(folder.path().join("glare.csv")).unwrap();
+    let row: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!((row[0], row[2], row[4]), ("\"eye.exr\"", "imperceptible", "0"));
+    assert!((row[3].parse::<f64>().unwrap() / lux - 1.0).abs() < 0.01, "{table}");
+    for (arguments, wanted) in [
+        (&["eye.exr", "--turn", "left"][..], "write RIGHT or RIGHT,UP in degrees"),
+        (&["eye.exr", "--threshold", "0"], "the threshold 0 is not above 0"),
+        (&["none.exr"], "none.exr"),
+        (&["eye.png"], "eye.png: is a picture for screens and no radiance"),
+    ] {
+        let (code, _, problem) = run(arguments);
+        assert!((2..10).contains(&code) && problem.contains(wanted), "{arguments:?}: {code} {problem}");
+    }
+}
+
 #[test]
 fn what_has_no_year_is_one_line() {
     let folder = folder();

@@ -105,7 +105,8 @@ impl std::fmt::Display for Rule {
         match self {
             Self::Sun { view, limit: SunLimit { lux, share } } => {
                 let places = view.as_ref().map(|view| format!(" of {view}")).unwrap_or_default();
-                write!(f, "direct sun above {lux} lx at more than {} % of the places{places}", 100.0 * share)
+                let percent = (1e6 * share).round() / 1e4;
+                write!(f, "direct sun above {lux} lx at more than {percent} % of the places{places}")
             }
             Self::Sensor { sensor, lux } => write!(f, "more than {lux} lx at {sensor}"),
         }
