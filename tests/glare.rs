@@ -32,7 +32,7 @@ fn picture(
 }
 
 fn fisheye(even: f64, discs: &[Disc]) -> LinearImage {
-    picture((512, 512), even, discs, |x, y| {
+    picture((1024, 1024), even, discs, |x, y| {
         let from_middle = x.hypot(y);
         let (sine, cosine) = (from_middle * std::f64::consts::FRAC_PI_2).sin_cos();
         (from_middle <= 1.0).then(|| DVec3::new(x * sine / from_middle, y * sine / from_middle, cosine))
@@ -47,55 +47,95 @@ fn seen(picture: &LinearImage, turn: [f64; 2]) -> SeenGlare {
     SeenGlare::of_points(&points_of_picture("a", picture, turn).unwrap(), GlareOptions::default()).unwrap()
 }
 
-/// Luminance beside the discs, discs, DGP, lux at the eye, and luminance, solid angle and position index of each source.
-type Reference = (f64, &'static [Disc], f64, f64, &'static [(f64, f64, f64)]);
+/// What `evalglare` says of a source: luminance, solid angle, position index, and direction to the right, up and ahead.
+type Source = (f64, f64, f64, [f64; 3]);
+
+/// Luminance beside the discs, discs, DGP, lux at the eye, and the sources.
+type Reference = (f64, &'static [Disc], f64, f64, &'static [Source]);
 
 const EVEN: f64 = 359.398437;
 
-/// What `evalglare -d` of Radiance (pyradiance 1.3.1) says of the same fisheyes of 512 × 512 pixels.
+/// What `evalglare -d` of Radiance (pyradiance 1.3.1) says of the same fisheyes of 1024 × 1024 pixels.
 const EVALGLARE: [Reference; 8] = [
-    (EVEN, &[], 0.225277, 1129.085810, &[]),
-    (EVEN, &[([20.0, 15.0], 10.0, 5750.375)], 0.279259, 1591.884702, &[(5750.375, 0.0953024, 1.841317)]),
+    (EVEN, &[], 0.225277, 1129.084067, &[]),
+    (
+        EVEN,
+        &[([20.0, 15.0], 10.0, 5750.375)],
+        0.278823,
+        1592.571214,
+        &[(5750.375, 0.0954468878, 1.864691, [0.328634, 0.257256, 0.908746])],
+    ),
     (
         2.0 * EVEN,
         &[([40.0, 10.0], 8.0, 11500.75), ([-35.0, 25.0], 6.0, 23001.5)],
-        0.376293,
-        3320.665303,
-        &[(11500.75, 0.0611555, 2.375396), (23001.5, 0.0343935, 3.541720)],
+        0.376106,
+        3321.558186,
+        &[
+            (23001.5, 0.0344527178, 3.561009, [-0.519515, 0.421494, 0.743268]),
+            (11500.75, 0.0611545213, 2.396914, [0.631689, 0.173046, 0.755661]),
+        ],
     ),
     (
         2.0 * EVEN,
         &[([10.0, 20.0], 4.0, 11500.75), ([22.0, 20.0], 4.0, 11500.75)],
-        0.321742,
-        2555.887160,
-        &[(11500.75, 0.0307824, 2.148087)],
+        0.321764,
+        2555.108022,
+        &[(11500.75, 0.0306941171, 2.138985, [0.256889, 0.340043, 0.904643])],
     ),
     (
         2.0 * EVEN,
         &[([30.0, 20.0], 12.0, 5750.375), ([30.0, 20.0], 1.0, 184012.0)],
-        0.370958,
-        2947.539387,
-        &[(184012.0, 0.00091719, 2.654370), (5750.375, 0.1364695, 2.602860)],
+        0.372403,
+        2953.518870,
+        &[
+            (184012.0, 0.0009613927, 2.641364, [0.467506, 0.340920, 0.815605]),
+            (5750.375, 0.1363031350, 2.624092, [0.467684, 0.338172, 0.816646]),
+        ],
     ),
-    (0.25 * EVEN, &[([30.0, 10.0], 3.0, 2875.1875)], 0.191650, 302.809880, &[(2875.1875, 0.00865636, 1.906906)]),
-    (EVEN, &[([0.0, 0.0], 8.0, 11500.75)], 0.345968, 1809.206139, &[(11500.75, 0.0613442, 1.001755)]),
-    (2.0 * EVEN, &[([70.0, 5.0], 10.0, 23001.5)], 0.352435, 2976.716320, &[(23001.5, 0.0954195, 5.196152)]),
+    (
+        0.25 * EVEN,
+        &[([30.0, 10.0], 3.0, 2875.1875)],
+        0.191469,
+        302.546709,
+        &[(2875.1875, 0.0085413856, 1.908480, [0.491442, 0.173536, 0.853446])],
+    ),
+    (
+        EVEN,
+        &[([0.0, 0.0], 8.0, 11500.75)],
+        0.345845,
+        1806.718938,
+        &[(11500.75, 0.0611188732, 1.000873, [-0.001534, -0.001534, 0.999998])],
+    ),
+    (
+        2.0 * EVEN,
+        &[([70.0, 5.0], 10.0, 23001.5)],
+        0.352126,
+        2977.244306,
+        &[(23001.5, 0.0954487983, 5.255860, [0.934623, 0.086255, 0.345021])],
+    ),
 ];
 
-/// Its constants are 0.092 and 0.159 where those of the paper, and here, are 0.0918 and 0.16: by them its DGP is lower by 0.001 less 0.0002 log₁₀ of a number
-/// that is below 10 in these pictures.
+/// `evalglare` takes whole pixels for the middles of sources, of 0.18°, and those of the picture for those of directions: its position indices are up to 1.5 %
+/// from those here, and its sum of sources 3 %: where that is about 1, 0.0006 of DGP. Its constants are 0.092 and 0.159 where those of the paper, and here, are 0.0918 and
+/// 0.16: by them its DGP is lower by 0.001.
 #[test]
 fn fisheyes_have_the_glare_that_evalglare_says() {
     for (even, discs, probability, eye_lux, sources) in EVALGLARE {
         let glare = seen(&fisheye(even, discs), [0.0; 2]);
         let higher = glare.probability - probability;
-        assert!((0.0007..0.00105).contains(&higher), "{discs:?}: {} for {probability}", glare.probability);
-        assert!((glare.eye_lux / eye_lux - 1.0).abs() < 1e-3, "{discs:?}: {} for {eye_lux}", glare.eye_lux);
+        assert!((higher - 0.001).abs() < 0.0008, "{discs:?}: {} for {probability}", glare.probability);
+        assert!((glare.eye_lux / eye_lux - 1.0).abs() < 1e-4, "{discs:?}: {} for {eye_lux}", glare.eye_lux);
         assert_eq!(glare.sources.len(), sources.len(), "{discs:?}: {:?}", glare.sources);
-        for (found, (luminance, solid_angle, index)) in glare.sources.iter().zip(sources) {
+        for (found, &(luminance, solid_angle, index, direction)) in glare.sources.iter().zip(sources) {
             assert!((found.luminance / luminance - 1.0).abs() < 1e-4, "{discs:?}: {found:?}");
-            assert!((found.solid_angle / solid_angle - 1.0).abs() < 2e-3, "{discs:?}: {found:?}");
-            assert!((found.position_index / index - 1.0).abs() < 2e-3, "{discs:?}: {found:?}");
+            assert!((found.solid_angle / solid_angle - 1.0).abs() < 1e-4, "{discs:?}: {found:?}");
+            assert!((found.position_index / index - 1.0).abs() < 0.015, "{discs:?}: {found:?}");
+            assert!(found.direction.distance(direction.into()) < 0.006, "{discs:?}: {found:?}");
+            // Of its own direction the index is its own, to the digits that it writes.
+            if direction[1] > 0.0 {
+                let of_direction = position_index(direction.into());
+                assert!((of_direction / index - 1.0).abs() < 5e-5, "{direction:?}: {of_direction} for {index}");
+            }
         }
     }
 }

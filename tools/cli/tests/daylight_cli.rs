@@ -85,7 +85,12 @@ fn a_lamp_is_dimmed_to_what_its_sensor_lacks() {
     let share = 500.0 / (179.0 * 20.0 / 4.0);
     let wanted = format!("{:.3}", 0.12 * share);
     assert_eq!(&row[9..11], [&*wanted, "0.480"]);
-    assert!(said.contains("l*: 0.1 kWh a year, undimmed 0.5 kWh; of 4 h of use 0 h at full light, 3 h off"), "{said}");
+    assert!(
+        said.contains(
+            "l*: 0.1 kWh a year, undimmed 0.5 kWh; of 4 h of use 0 h at full light, 0 h at the least, 3 h off"
+        ),
+        "{said}"
+    );
     assert!(said.contains("lamps.csv: 1 zones, 0.1 kWh a year of 0.5 kWh undimmed (86.0 % saved)"), "{said}");
     let hours = fs::read_to_string(folder.path().join("year/lamps-hours.csv")).unwrap();
     let line = hours.lines().find(|line| line.starts_with("12,21,17.500")).unwrap();
@@ -156,6 +161,19 @@ fn blinds_are_closed_in_the_hours_of_sun_or_above_a_sensors_limit() {
         let wanted: Vec<String> = closed.map(|is_closed| u8::from(is_closed).to_string()).into();
         let found: Vec<&str> = hours.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
         assert!(hours.starts_with("month,day,hour,desk\n") && found == wanted, "{hours}");
+    }
+    // The camera, and eyes that look to the north, have the blinds of the only grid of sensors.
+    fs::write(folder.path().join("eyes.pts"), "0 0 1.2 0 1 0\n").unwrap();
+    let eyes = "[[grid]]\nname = \"eyes\"\npoints = \"eyes.pts\"\n[[light]]";
+    fs::write(folder.path().join("with.toml"), scene.replace("[[light]]", eyes)).unwrap();
+    fs::write(folder.path().join("with-closed.toml"), lid(&scene).replace("[[light]]", eyes)).unwrap();
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("ltm"));
+    command.current_dir(folder.path()).args(["daylight", "with.toml", "--climate", "a.wea", "-o", "with"]);
+    let (code, said, problem) =
+        outcome(command.args(["--blinds", "with-closed.toml", "--eyes", "eyes", "--samples", "8"]));
+    assert_eq!(code, 0, "{said} {problem}");
+    for view in ["desk", "eyes", "camera"] {
+        assert!(said.contains(&format!("{view}: blinds closed in 2 of 3 h of use")), "{said}");
     }
     fs::write(folder.path().join("other.toml"), lid(&scene).replace("[-1, 0.5, -1]", "[-1, 0.6, -1]")).unwrap();
     for (more, wanted) in [

@@ -129,11 +129,14 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
         names.iter().map(|name| render::view_of(options, (file, folder), (name, &names), console)).collect()
     };
     let rule = options.close.clone().unwrap_or_default();
-    names.iter().filter(|_| options.blinds.is_some()).try_for_each(|name| rule.decider(name, &names).map(|_| ()))?;
+    names
+        .iter()
+        .filter(|_| options.blinds.is_some())
+        .try_for_each(|name| rule.decider(name, &names, &options.eyes).map(|_| ()))?;
     let mut views = of_file(&options.input, &options.output)?;
     if let Some(blinds) = &options.blinds {
         let closed = of_file(blinds, &options.output.join("closed"))?;
-        blinds::close(&rule, (&mut views, &closed), &climate, &asked, console)?;
+        blinds::close((&rule, &options.eyes), (&mut views, &closed), &climate, &asked, console)?;
         if options.hourly {
             blinds::write_hours(&options.output.join("blinds-hours.csv"), &views, &climate)?;
         }

@@ -57,23 +57,25 @@ impl FromStr for Rule {
 }
 
 impl Rule {
-    /// Which of the views decides for one of them. Errors: it is not among them; the camera, where no grid is named and there are several.
-    pub(super) fn decider(&self, name: &str, names: &[&str]) -> Result<usize> {
+    /// Which of the views decides for one of them, where some are eyes. Errors: it is not among them; the camera or eyes, where no grid is
+    /// named and there are several.
+    pub(super) fn decider(&self, name: &str, names: &[&str], eyes: &[String]) -> Result<usize> {
         let at = |wanted: &str| names.iter().position(|name| *name == wanted);
         let refuse = |problem: &str| {
             let quoted: Vec<String> = names.iter().map(|name| format!("'{name}'")).collect();
             Err(Error::input("--close", problem, format!("name one of {}", quoted.join(", "))))
         };
-        let grids: Vec<usize> = (0..names.len()).filter(|view| names[*view] != CAMERA).collect();
+        let is_grid = |name: &str| name != CAMERA && !eyes.iter().any(|eyes| eyes == name);
+        let grids: Vec<usize> = (0..names.len()).filter(|view| is_grid(names[*view])).collect();
         match self {
             Self::Sensor { sensor, .. } => sensor.view_among(names),
             Self::Sun { view: Some(view), .. } => {
                 at(view).map_or_else(|| refuse(&format!("there is no view '{view}'")), Ok)
             }
             Self::Sun { view: None, .. } => match (at(name), &grids[..]) {
-                (Some(own), _) if name != CAMERA || grids.is_empty() => Ok(own),
+                (Some(own), _) if is_grid(name) || grids.is_empty() => Ok(own),
                 (_, [only]) => Ok(*only),
-                _ => refuse("does not say which grid closes the blinds of the camera"),
+                _ => refuse(&format!("does not say which grid closes the blinds of '{name}'")),
             },
         }
     }
@@ -124,7 +126,7 @@ fn are_alike(a: Option<&Places>, b: Option<&Places>) -> bool {
 
 /// Decides for each of the views, whose matrices with closed blinds are these, when blinds are closed, and says it.
 pub(super) fn close(
-    rule: &Rule,
+    (rule, eyes): (&Rule, &[String]),
     (views, closed): (&mut [View], &[View]),
     climate: &Climate,
     asked: &DaylightOptions<'_>,
@@ -134,7 +136,7 @@ pub(super) fn close(
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut decided: Vec<Option<Vec<bool>>> = vec![None; views.len()];
     for (at, blinds) in closed.iter().enumerate() {
-        let decider = rule.decider(names[at], &names)?;
+        let decider = rule.decider(names[at], &names, eyes)?;
         if decided[decider].is_none() {
             decided[decider] = Some(rule.closed(&views[decider], climate, asked, console)?);
         }

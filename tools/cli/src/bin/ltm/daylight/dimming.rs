@@ -200,11 +200,13 @@ fn told(zones: &[Zone], seen: &[SeenZone], years: &[LampYear], console: &Console
             console.note(&format!("warning: --dim {lamps}: {text}"));
         }
         say!(
-            "{lamps}: {:.1} kWh a year, undimmed {:.1} kWh; of {:.0} h of use {:.0} h at full light, {:.0} h off, {:.0} h below {} lx at {sensor}",
+            "{lamps}: {:.1} kWh a year, undimmed {:.1} kWh; of {:.0} h of use {:.0} h at full light, {:.0} h at the least, \
+             {:.0} h off, {:.0} h below {} lx at {sensor}",
             year.kilowatt_hours,
             year.undimmed_kilowatt_hours,
             year.hours,
             year.full_hours,
+            year.least_hours,
             year.off_hours,
             year.short_hours,
             dimming.set_point
