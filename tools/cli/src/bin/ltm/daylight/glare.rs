@@ -41,9 +41,8 @@ pub(super) fn write(
     let name = &view.name;
     let beside = |ending: &str| stem.with_file_name(format!("{name}-{ending}"));
     let places = view.places.as_deref();
-    let (steep, all) =
-        (places.unwrap_or_default().iter().filter(|(_, normal)| normal[1].abs() > STEEP), year.glare.len());
-    let steep = steep.count();
+    let all = year.glare.len();
+    let steep = places.unwrap_or_default().iter().filter(|(_, normal)| normal[1].abs() > STEEP).count();
     if steep > 0 {
         let text = "sensors look up or down more than ahead; glare wants the illuminance across the line of sight";
         console.note(&format!("warning: --eyes {name}: {steep} of {all} {text}"));
