@@ -8,7 +8,7 @@ use ltm::container::ContainerReader;
 use ltm::daylight::{ANNUAL_MEASURES, Climate, Schedule, SkyModel, SkyOptions, SkyTexels};
 use ltm::light::{LightKind, Lighting};
 use ltm::matrix::{BlockId, ColumnIndex};
-use ltm::pipeline::{self, DaylightOptions, DaylightSource, PackOptions, RenderOptions};
+use ltm::pipeline::{self, Blinds, DaylightOptions, DaylightSource, PackOptions, RenderOptions, SunLimit};
 use ltm::resources::NoProgress;
 use ltm::scene::LoadOptions;
 use ltm::store::StoreReader;
@@ -176,18 +176,20 @@ const WEA: &str = "place A_B\nlatitude 48.1\nlongitude -11.6\ntime_zone -15\nsit
 /// The illuminance of a pixel at a step by the product with that step's own weights, from the columns of the matrix.
 fn lux_of_step(matrix: &StoreReader, climate: &Climate, step: usize) -> Vec<f32> {
     let basis = &matrix.job().basis;
-    let (sky, suns) = (&basis.lights()[0], basis.lights().get(1));
-    let count = sky.places.len() / if suns.is_some() { 2 } else { 1 };
+    let sky = &basis.lights()[0];
+    let suns = basis.lights().iter().find(|light| matches!(light.kind, LightKind::Suns { .. }));
+    let is_split = matches!(sky.kind, LightKind::Patches { is_split: true, .. });
+    let count = sky.places.len() / if is_split { 2 } else { 1 };
     let texels = SkyTexels::new(&sky.places[..count], &sky.extents[..count]);
     let mut weights = vec![[0.0; 3]; basis.column_count()];
     if let Some(now) = SkyModel::new(climate, SkyOptions::default()).at(&climate.steps[step], &texels) {
         for row in 0..sky.places.len() / count {
             (0..count).for_each(|texel| weights[row * count + texel] = [now.radiance[texel]; 3]);
         }
-        // Of a split sky the sun's share is in the second row.
-        let row = sky.places.len() - count;
+        // Beside places of the sun, the sun's share is in the second row of a split sky alone.
+        let rows = if suns.is_some() { 1..2 } else { 0..1 + usize::from(is_split) };
         for (texel, radiance) in now.spread_sun(&texels) {
-            weights[row + texel].iter_mut().for_each(|weight| *weight += radiance);
+            rows.clone().for_each(|row| weights[row * count + texel].iter_mut().for_each(|weight| *weight += radiance));
         }
         if let Some(suns) = suns {
             let cosine = |place: &[f32; 3]| glam::Vec3::from(*place).as_dvec3().dot(now.towards_sun);
@@ -249,6 +251,141 @@ fn a_year_of_hours_is_the_product_with_the_sky_of_each_hour() {
             assert!(a.values[7].is_nan());
         }
     }
+}
+
+/// A sensor alone sees what it sees among all; of a lamp above black surfaces it sees the intensity over the square of the distance, by the
+/// cosine to its normal, from the matrix and from the container of it.
+#[test]
+fn a_sensor_sees_its_hours_of_daylight_and_the_analytic_light_of_lamps() {
+    let folder = folder(0.0);
+    let climate = Climate::parse("a.wea", WEA).unwrap();
+    let lamp = "[[light]]\nkind = \"point\"\nname = \"lamp\"\nposition = [0.5, 2, 0]\nemission = [8, 8, 8]\n";
+    let path = rendered(folder.path(), &format!("{GRID}{lamp}{PATCHES}"), 256);
+    let matrix = StoreReader::open(&path).unwrap();
+    let (hours, options) = (folder.path().join("hours.npy"), DaylightOptions::default());
+    let source = DaylightSource::Stored(&matrix);
+    pipeline::daylight(&source, "a.ltm", &climate, &options, Some(&hours), &NoProgress).unwrap();
+    let bytes = fs::read(&hours).unwrap();
+    let values: Vec<f32> =
+        bytes[bytes.len() - 4 * 6 * 4..].as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let packed = folder.path().join("a.ltc");
+    let mut pack = PackOptions::default();
+    (pack.compress.target, pack.compress.rank, pack.compress.noise_factor) = (Target::PsnrDb(120.0), 256, None);
+    pipeline::pack(&matrix, matrix.job(), &packed, &pack, &NoProgress).unwrap();
+    let container = ContainerReader::open(&packed).unwrap();
+    for (source, near) in [(source, 1e-4), (DaylightSource::Container(&container), 0.03)] {
+        let sensors = [3, 1, 2];
+        let years = pipeline::sensor_years(&source, "a", &climate, &options, &sensors, &NoProgress).unwrap();
+        for (sensor, year) in sensors.into_iter().zip(&years) {
+            for (found, wanted) in year.daylight.iter().zip(&values[sensor * 6..]) {
+                assert!((found - wanted).abs() <= near * wanted.max(1.0), "{sensor}: {found} for {wanted}");
+            }
+            let (across, up) = (sensor as f32 - 1.5 - 0.5, 2.0 - 0.01);
+            let wanted = 179.0 * 8.0 * up / (across * across + up * up).powf(1.5);
+            let found = year.lights[matrix.job().basis.lights().iter().position(|light| light.name == "lamp").unwrap()];
+            assert!((found / wanted - 1.0).abs() < near, "{sensor}: {found} for {wanted}");
+            assert_eq!(year.lights.iter().filter(|lux| **lux > 0.0).count(), 1, "the sky is no lamp");
+        }
+        let problem = pipeline::sensor_years(&source, "a", &climate, &options, &[4], &NoProgress).unwrap_err();
+        assert!(problem.to_string().contains("a: has 4 sensors, none of number 5"), "{problem}");
+    }
+}
+
+/// Direct sun on the floor below the opening, where the line to the nearest place of the sun meets it: more than 1,000 lx at some of the four
+/// sensors, by the sine of its altitude.
+#[test]
+fn blinds_are_closed_where_the_analytic_sun_reaches_too_many_sensors() {
+    let folder = folder(0.5);
+    let climate = Climate::parse("a.wea", WEA).unwrap();
+    let suns = "[[light]]\nkind = \"suns\"\nlatitude_degrees = 48.1\nstep_degrees = 2\nangular_radius_degrees = 0\n";
+    let split = PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true");
+    let north = GRID.replace("-0.5]", "-1.5]");
+    let path = rendered(folder.path(), &format!("{north}{split}{suns}"), 64);
+    let matrix = StoreReader::open(&path).unwrap();
+    let basis = &matrix.job().basis;
+    let places = &basis.lights().iter().find(|light| matches!(light.kind, LightKind::Suns { .. })).unwrap().places;
+    let sky = &basis.lights()[0];
+    let texels = SkyTexels::new(&sky.places[..146], &sky.extents[..146]);
+    let model = SkyModel::new(&climate, SkyOptions::default());
+    let lit = |step: usize| {
+        let Some(now) = model.at(&climate.steps[step], &texels).filter(|now| now.sun_irradiance > 0.0) else {
+            return 0;
+        };
+        let cosine = |place: &[f32; 3]| glam::Vec3::from(*place).as_dvec3().dot(now.towards_sun);
+        let sun = places.iter().max_by(|a, b| cosine(a).total_cmp(&cosine(b))).unwrap();
+        let [x, y, z] = sun.map(f64::from);
+        let along = (3.0 - 0.01) / y;
+        let is_lit = |at: &f64| (at + x * along).abs() < 1.0 && (z * along - 1.0).abs() < 1.0;
+        let is_bright = 179.0 * now.sun_irradiance * y > 1000.0;
+        [-1.5, -0.5, 0.5, 1.5].iter().filter(|at| is_bright && is_lit(at)).count()
+    };
+    let counts: Vec<usize> = (0..6).map(lit).collect();
+    assert!(counts.iter().any(|count| *count > 0) && counts.contains(&0), "{counts:?}");
+    let (source, options) = (DaylightSource::Stored(&matrix), DaylightOptions::default());
+    for share in [0.02, 0.3, 0.6] {
+        let limit = SunLimit { share, ..SunLimit::default() };
+        let closed = pipeline::steps_above_sun_limit(&source, "a", &climate, &options, limit, &NoProgress).unwrap();
+        let wanted: Vec<bool> = counts.iter().map(|count| *count as f64 > share * 4.0).collect();
+        assert_eq!(closed, wanted, "{share} {counts:?}");
+    }
+    let none = SunLimit { lux: -1.0, share: 0.02 };
+    let problem = pipeline::steps_above_sun_limit(&source, "a", &climate, &options, none, &NoProgress).unwrap_err();
+    assert!(problem.to_string().contains("are no limit"), "{problem}");
+    let path = rendered(folder.path(), &format!("{GRID}{PATCHES}"), 2);
+    let matrix = StoreReader::open(&path).unwrap();
+    let (source, limit) = (DaylightSource::Stored(&matrix), SunLimit::default());
+    let problem = pipeline::steps_above_sun_limit(&source, "a", &climate, &options, limit, &NoProgress).unwrap_err();
+    assert!(problem.to_string().contains("a: does not tell direct sun"), "{problem}");
+}
+
+/// A year with blinds has, hour by hour, what the product of the matrix of that hour's state has; direct sun and the daylight factor stay
+/// those of open blinds. The closed state is a room of other reflectance.
+#[test]
+fn a_year_with_blinds_is_each_hour_that_of_its_state() {
+    let (open, closed) = (folder(0.5), folder(0.0));
+    let climate = Climate::parse("a.wea", WEA).unwrap();
+    let lamp = "[[light]]\nkind = \"point\"\nname = \"lamp\"\nposition = [0.5, 2, 0]\n";
+    let split = PATCHES.replace("subdivision = 2", "subdivision = 1\nsplit = true");
+    let text = format!("{GRID}{split}{lamp}");
+    let paths = [&open, &closed].map(|folder| rendered(folder.path(), &text, 1024));
+    let [open_matrix, closed_matrix] = paths.map(|path| StoreReader::open(&path).unwrap());
+    let is_closed = [false, true, false, true, false, false];
+    let blinds = Blinds { source: DaylightSource::Stored(&closed_matrix), place: "closed.ltm", closed: &is_closed };
+    let options = DaylightOptions { blinds: Some(blinds), overwrite: true, ..DaylightOptions::default() };
+    let source = DaylightSource::Stored(&open_matrix);
+    let hours = open.path().join("hours.npy");
+    let of = |options: &DaylightOptions<'_>, hours: Option<&Path>| {
+        pipeline::daylight(&source, "a.ltm", &climate, options, hours, &NoProgress)
+    };
+    let (year, plain) = (of(&options, Some(&hours)).unwrap(), of(&DaylightOptions::default(), None).unwrap());
+    let bytes = fs::read(&hours).unwrap();
+    let values: Vec<f32> =
+        bytes[bytes.len() - 4 * 6 * 4..].as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let sensors = pipeline::sensor_years(&source, "a.ltm", &climate, &options, &[0, 1, 2, 3], &NoProgress).unwrap();
+    for (pixel, sensor) in sensors.iter().enumerate() {
+        let mut sum = 0.0;
+        for (step, is_closed) in is_closed.into_iter().enumerate() {
+            let matrix = if is_closed { &closed_matrix } else { &open_matrix };
+            let (found, wanted) = (values[pixel * 6 + step], lux_of_step(matrix, &climate, step)[pixel]);
+            assert!((found - wanted).abs() <= 1e-4 * wanted.max(1.0), "{pixel}, {step}: {found} for {wanted}");
+            assert_eq!(sensor.daylight[step], found);
+            sum += if [1, 2, 3].contains(&step) { wanted } else { 0.0 };
+        }
+        let (measures, plain) = (year.measures[pixel].values, plain.measures[pixel].values);
+        assert!((measures[6] - sum / 3.0).abs() <= 1e-3 * sum, "{} for {}", measures[6], sum / 3.0);
+        assert!(measures[6] < plain[6]);
+        assert_eq!((measures[7], measures[11]), (plain[7], plain[11]), "direct sun and the daylight factor");
+        let lamp = open_matrix.job().basis.lights().iter().position(|light| light.name == "lamp").unwrap();
+        assert!(sensor.closed_lights[lamp] > 0.0 && sensor.closed_lights[lamp] < sensor.lights[lamp]);
+    }
+    let problem =
+        |blinds: Blinds<'_>| of(&DaylightOptions { blinds: Some(blinds), ..options }, None).unwrap_err().to_string();
+    let text = problem(Blinds { closed: &is_closed[..5], ..blinds });
+    assert!(text.contains("closed.ltm: blinds have 5 steps, the climate 6"), "{text}");
+    let other = rendered(closed.path(), &format!("{}{split}", GRID.replace("spacing = 1", "spacing = 0.5")), 2);
+    let other = StoreReader::open(&other).unwrap();
+    let text = problem(Blinds { source: DaylightSource::Stored(&other), ..blinds });
+    assert!(text.contains("has 8 × 2 places in blocks of 32, a.ltm has 4 × 1 places in blocks of 32"), "{text}");
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Measures of a year of daylight: of a place, and of a space.
 
+use super::EyeGlare;
+
 /// Illuminances in lux that measures ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thresholds {
@@ -9,11 +11,13 @@ pub struct Thresholds {
     pub useful: [f32; 3],
     /// Of direct sun: 1,000.
     pub sun: f32,
+    /// At eyes, those of glare ([`glare_limits_lux`](super::glare_limits_lux)); none where places are no eyes.
+    pub glare: Option<[f32; 3]>,
 }
 
 impl Default for Thresholds {
     fn default() -> Self {
-        Self { autonomy: 300.0, useful: [100.0, 300.0, 3000.0], sun: 1000.0 }
+        Self { autonomy: 300.0, useful: [100.0, 300.0, 3000.0], sun: 1000.0, glare: None }
     }
 }
 
@@ -57,6 +61,8 @@ pub struct HourSums {
     useful: [u32; 3],
     /// Steps in the time of use with direct sun above its threshold.
     sun: u32,
+    /// Steps in the time of use at each of the limits of glare or above.
+    glare: [u32; 3],
     /// Steps with the sun up at each of the levels of EN 17037 or above.
     daylight: [u32; 4],
     /// In percent.
@@ -90,6 +96,11 @@ impl HourSums {
             for (count, level) in self.useful.iter_mut().zip(thresholds.useful) {
                 *count += at_least(level);
             }
+            if let Some(limits) = thresholds.glare {
+                for (count, limit) in self.glare.iter_mut().zip(limits) {
+                    *count += at_least(limit);
+                }
+            }
         }
         if is_day {
             for (count, level) in self.daylight.iter_mut().zip(EN_LEVELS) {
@@ -102,6 +113,11 @@ impl HourSums {
     #[inline(always)]
     pub fn add_sun(&mut self, lux: &[f32], thresholds: &Thresholds) {
         self.sun += lux.iter().map(|value| u32::from(*value > thresholds.sun)).sum::<u32>();
+    }
+
+    /// Glare of `used` steps, of an eye.
+    pub fn eye_glare(&self, used: u32) -> EyeGlare {
+        EyeGlare::of_steps(self.glare, used)
     }
 
     /// Whether no light was added.
@@ -234,6 +250,11 @@ mod tests {
         for ((name, _), (found, wanted)) in ANNUAL_MEASURES.iter().zip(values.iter().zip(wanted)) {
             assert!((found - wanted).abs() < 1e-3, "{name}: {found} for {wanted}");
         }
+        // Of eyes, 2,999 and 3,000 lx are perceptible; without limits of glare nothing is.
+        assert_eq!(sums.eye_glare(10).percent, [0.0; 3]);
+        let eyes = Thresholds { glare: Some(super::super::glare_limits_lux()), ..thresholds };
+        sums.add(&lux, &eyes, (true, true));
+        assert_eq!(sums.eye_glare(10).percent, [20.0, 0.0, 0.0]);
         // 750 lx: 900, 2,999, 3,000 and 5,000 of twelve hours.
         assert_eq!(half_of_day, [true, true, false, false]);
     }

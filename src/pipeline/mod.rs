@@ -40,8 +40,8 @@ mod verify;
 pub use clean::{CleanOptions, clean_images};
 pub use compare::{BlockComparison, WorstEntry, compare_matrices, total_relative_l2};
 pub use daylight::{
-    DaylightOptions, DaylightSource, DaylightYear, StandardSky, daylight, lighting_at, lighting_under, write_ill,
-    write_measures,
+    Blinds, DaylightOptions, DaylightSource, DaylightYear, SensorYear, StandardSky, SunLimit, daylight, lighting_at,
+    lighting_under, sensor_years, steps_above_sun_limit, write_glare, write_glare_hours, write_ill, write_measures,
 };
 pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};

@@ -1,17 +1,21 @@
 //! A year in files: arrays, tables, pictures in false colours, and Radiance's `.ill`.
 
 use std::fmt::Write as _;
+use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::DaylightYear;
-use crate::daylight::{ANNUAL_MEASURES, Climate};
+use crate::daylight::{ANNUAL_MEASURES, Climate, GLARE_CLASSES, simplified_glare_probability};
 use crate::error::{Error, Result};
 use crate::files::{PositionedFile, open_input, replace, write_file};
 use crate::image::{ValueScale, npy_header, write_npy_values, write_value_map};
 
 /// Steps of a `.ill` file that are turned from the array at once.
 const STEPS_AT_ONCE: usize = 256;
+
+/// Place of the hours of direct sun in [`ANNUAL_MEASURES`].
+const SUN_HOURS: usize = 7;
 
 /// Largest value of the picture of each of [`ANNUAL_MEASURES`]; none: that of the year.
 const SCALE_ENDS: [Option<f32>; ANNUAL_MEASURES.len()] = [
@@ -100,19 +104,90 @@ fn table_of(year: &DaylightYear, places: &[([f32; 3], [f32; 3])]) -> String {
     text
 }
 
+/// Names of [`EyeGlare::protection`](crate::daylight::EyeGlare::protection).
+const PROTECTIONS: [&str; 4] = ["none", "minimum", "medium", "high"];
+
+/// Writes a table of glare at eyes: the number of each, with `places` its place and normal, percent of the time of use in each of
+/// [`GLARE_CLASSES`], hours of direct sun above 1,000 lx, in which they are too low, and the protection by EN 17037. Where no light reaches, the fields
+/// are empty.
+///
+/// # Errors
+/// The system refuses to write, or a file is there that may not be replaced.
+pub fn write_glare(
+    path: &Path,
+    year: &DaylightYear,
+    places: Option<&[([f32; 3], [f32; 3])]>,
+    overwrite: bool,
+) -> Result<()> {
+    let mut text = "eye".to_owned();
+    if places.is_some() {
+        text += ",x,y,z,normal_x,normal_y,normal_z";
+    }
+    GLARE_CLASSES.iter().for_each(|class| text += &format!(",{class}_percent"));
+    text += ",sun_hours,en_17037_protection\n";
+    for (at, (glare, measures)) in year.glare.iter().zip(&year.measures).enumerate() {
+        let _ = write!(text, "{}", at + 1);
+        let place = places.and_then(|places| places.get(at));
+        for value in place.iter().flat_map(|(position, normal)| position.iter().chain(normal)) {
+            let _ = write!(text, ",{}", value + 0.0);
+        }
+        match glare {
+            Some(glare) => {
+                glare.classes().iter().for_each(|percent| text += &format!(",{percent:.3}"));
+                let sun = measures.values[SUN_HOURS];
+                text += &if sun.is_nan() { ",".to_owned() } else { format!(",{sun}") };
+                let _ = writeln!(text, ",{}", PROTECTIONS[glare.protection()]);
+            }
+            None => text += ",,,,,,\n",
+        }
+    }
+    write_file(path, overwrite, text.as_bytes())
+}
+
+/// Turns the array of hours of eyes that [`daylight`](super::daylight) wrote into one of the simplified daylight glare probability,
+/// `[eyes, steps]`.
+///
+/// # Errors
+/// As of [`write_ill`].
+pub fn write_glare_hours(path: &Path, hours: &Path, climate: &Climate, eyes: usize, overwrite: bool) -> Result<()> {
+    let steps = climate.steps.len();
+    let (file, header) = open_hours(hours, [eyes, steps])?;
+    replace(path, overwrite, |writer| {
+        let failed = || Error::io(path, "write");
+        writer.write_all(&npy_header(&[eyes, steps])).map_err(failed())?;
+        let mut row = vec![0u8; steps * 4];
+        for eye in 0..eyes {
+            file.read_exact_at(&mut row, header + (eye * steps * 4) as u64)
+                .map_err(Error::io(hours, "read the hours"))?;
+            for value in row.as_chunks_mut::<4>().0 {
+                *value = (simplified_glare_probability(f32::from_le_bytes(*value).into()) as f32).to_le_bytes();
+            }
+            writer.write_all(&row).map_err(failed())?;
+        }
+        Ok(())
+    })
+}
+
+/// Opens an array of hours, and gives the length of its header. Errors: it has not these sensors and steps.
+fn open_hours(hours: &Path, [sensors, steps]: [usize; 2]) -> Result<(File, u64)> {
+    let file = open_input(hours, "read the hours")?;
+    let header = npy_header(&[sensors, steps]).len() as u64;
+    let length = file.metadata().map_err(Error::io(hours, "look at"))?.len();
+    if length == header + (sensors * steps * 4) as u64 {
+        return Ok((file, header));
+    }
+    let hint = "write the hours and this file of the same climate";
+    Err(Error::input(hours.display().to_string(), "has not the hours of these sensors", hint))
+}
+
 /// Turns the array of hours that [`daylight`](super::daylight) wrote into Radiance's and Daysim's `.ill`: a line for each step with month, day, hour
 /// and the illuminance of each sensor in lux.
 ///
 /// # Errors
 /// The array cannot be read or is another's; the system refuses to write.
 pub fn write_ill(path: &Path, hours: &Path, climate: &Climate, sensors: usize, overwrite: bool) -> Result<()> {
-    let (file, steps) = (open_input(hours, "read the hours")?, climate.steps.len());
-    let header = npy_header(&[sensors, steps]).len() as u64;
-    let length = file.metadata().map_err(Error::io(hours, "look at"))?.len();
-    if length != header + (sensors * steps * 4) as u64 {
-        let hint = "write the hours and this file of the same climate";
-        return Err(Error::input(hours.display().to_string(), "has not the hours of these sensors", hint));
-    }
+    let steps = climate.steps.len();
+    let (file, header) = open_hours(hours, [sensors, steps])?;
     replace(path, overwrite, |writer| {
         for begin in (0..steps).step_by(STEPS_AT_ONCE) {
             let count = STEPS_AT_ONCE.min(steps - begin);

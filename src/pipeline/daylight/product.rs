@@ -37,6 +37,15 @@ pub(super) struct PixelHours<'a> {
     pub(super) hours: Option<&'a mut [f32]>,
 }
 
+/// Which state of the blinds a matrix has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum BlindsState {
+    /// Its hours are those with blinds open. It tells direct sun in all hours, and the daylight factor.
+    Open,
+    /// Its hours are those with blinds closed.
+    Closed,
+}
+
 /// The weight of a channel in lux for a unit of radiance or irradiance.
 fn lux_of(channel: usize) -> f32 {
     LUMINANCE_WEIGHTS[channel] * LUMENS_PER_WATT as f32
@@ -134,18 +143,54 @@ impl BlockHours {
         ((size_of::<f32>() + size_of::<(u32, u32, f32)>()) * pixels * columns) as u64
     }
 
-    /// Adds the hours of all pixels, and their daylight factors.
-    pub(super) fn add_to(&self, year: &YearLight, thresholds: &Thresholds, mut target: PixelHours<'_>) {
-        for (sums, percent) in target.sums.iter_mut().zip(self.daylight_factors(year)) {
-            sums.set_daylight_factor(percent.max(0.0));
-        }
-        for segment in &year.segments {
-            for begin in segment.hours.clone().step_by(CHUNK) {
-                let range = begin..(begin + CHUNK).min(segment.hours.end);
-                let asked = (segment.is_used, segment.is_day);
-                pulp::Arch::new().dispatch(Chunk { block: self, year, thresholds, range, asked, target: &mut target });
+    /// Adds the hours of all pixels in which blinds are as they are here, and of open ones the daylight factors.
+    pub(super) fn add_to(
+        &self,
+        year: &YearLight,
+        thresholds: &Thresholds,
+        state: BlindsState,
+        target: &mut PixelHours<'_>,
+    ) {
+        let is_open = state == BlindsState::Open;
+        if is_open {
+            for (sums, percent) in target.sums.iter_mut().zip(self.daylight_factors(year)) {
+                sums.set_daylight_factor(percent.max(0.0));
             }
         }
+        for segment in &year.segments {
+            let asked = Asked {
+                lux: segment.is_closed != is_open,
+                sun: is_open && year.knows_sun && segment.is_used,
+                is_used: segment.is_used,
+                is_day: segment.is_day,
+            };
+            if !asked.lux && !asked.sun {
+                continue;
+            }
+            for begin in segment.hours.clone().step_by(CHUNK) {
+                let range = begin..(begin + CHUNK).min(segment.hours.end);
+                pulp::Arch::new().dispatch(Chunk { block: self, year, thresholds, range, asked, target });
+            }
+        }
+    }
+
+    /// Adds to each hour the number of pixels with direct sun above so many lux, and returns that of pixels that any light reaches.
+    pub(super) fn count_sun(&self, year: &YearLight, above: f32, counts: &mut [u32]) -> u32 {
+        let mut is_lit: Vec<bool> =
+            self.left.chunks_exact(self.rank.max(1)).map(|left| left.iter().any(|value| *value != 0.0)).collect();
+        is_lit.resize(self.pixels, false);
+        let mut lux = vec![0.0; counts.len()];
+        for entries in self.entries.chunk_by(|a, b| a.0 == b.0) {
+            is_lit[entries[0].0 as usize] = true;
+            lux.fill(0.0);
+            for &(_, column, value) in entries {
+                for sun in year.sun_of(column).iter().filter(|sun| sun.is_direct) {
+                    lux[sun.hour as usize] += value * sun.weight;
+                }
+            }
+            counts.iter_mut().zip(&lux).for_each(|(count, lux)| *count += u32::from(*lux > above));
+        }
+        is_lit.iter().map(|is_lit| u32::from(*is_lit)).sum()
     }
 }
 
@@ -168,13 +213,23 @@ fn add_sun(year: &YearLight, values: &[f32], hours: &mut [f32]) {
     }
 }
 
+/// What is asked of some hours.
+#[derive(Clone, Copy)]
+struct Asked {
+    lux: bool,
+    /// Direct sun.
+    sun: bool,
+    is_used: bool,
+    is_day: bool,
+}
+
 /// Some hours of all pixels of a block, compiled for the widest vectors of the processor.
 struct Chunk<'a, 'b> {
     block: &'a BlockHours,
     year: &'a YearLight,
     thresholds: &'a Thresholds,
     range: Range<usize>,
-    asked: (bool, bool),
+    asked: Asked,
     target: &'a mut PixelHours<'b>,
 }
 
@@ -186,26 +241,30 @@ impl pulp::NullaryFnOnce for Chunk<'_, '_> {
         let Self { block, year, thresholds, range, asked, target } = self;
         let (hours, count) = (year.hours(), range.len());
         let right = block.right.as_ref().unwrap_or(&year.sky);
-        let wants_sun = year.knows_sun && asked.0;
         let (mut all, mut of_sun) = ([0.0f32; CHUNK], [0.0f32; CHUNK]);
         let mut entries = &block.entries[..];
         for pixel in 0..block.pixels {
             let left = &block.left[pixel * block.rank..][..block.rank];
             let (lux, sun) = (&mut all[..count], &mut of_sun[..count]);
             lux.fill(0.0);
-            add_product(lux, left, right, hours, range.start);
+            if asked.lux {
+                add_product(lux, left, right, hours, range.start);
+            }
             sun.fill(0.0);
             let own = entries.iter().take_while(|(at, ..)| *at as usize == pixel).count();
             for &(_, column, value) in &entries[..own] {
                 add_entry(year, (column, value, block.right.is_none()), &range, lux, sun);
             }
             entries = &entries[own..];
-            // Noise and compression may leave less than nothing.
-            lux.iter_mut().for_each(|value| *value = value.max(0.0));
-            target.sums[pixel].add(lux, thresholds, asked);
-            if wants_sun {
+            if asked.sun {
                 target.sums[pixel].add_sun(sun, thresholds);
             }
+            if !asked.lux {
+                continue;
+            }
+            // Noise and compression may leave less than nothing.
+            lux.iter_mut().for_each(|value| *value = value.max(0.0));
+            target.sums[pixel].add(lux, thresholds, (asked.is_used, asked.is_day));
             if let Some(kept) = &mut target.hours {
                 kept[pixel * hours..][range.clone()].copy_from_slice(lux);
             }
@@ -283,7 +342,8 @@ mod tests {
         let stored = BlockHours::of_entries(BlockView::new(CHANNELS, columns, &entries), 1, &year);
         let measured = [BlockHours::of_factors(&factored, &year), stored].map(|hours| {
             let mut sums = [HourSums::default()];
-            hours.add_to(&year, &Thresholds::default(), PixelHours { sums: &mut sums, hours: None });
+            let mut target = PixelHours { sums: &mut sums, hours: None };
+            hours.add_to(&year, &Thresholds::default(), BlindsState::Open, &mut target);
             sums[0].measures(1, 1, 1.0, false).values
         });
         let [mean, factor] = [6, 11].map(|measure| measured.map(|values| values[measure]));

@@ -31,6 +31,8 @@ pub(super) struct Segment {
     pub(super) hours: Range<usize>,
     pub(super) is_used: bool,
     pub(super) is_day: bool,
+    /// Whether blinds are closed.
+    pub(super) is_closed: bool,
 }
 
 /// The lit steps of a climate, ordered by what is asked of them, and the weights of the columns in each.
@@ -56,19 +58,25 @@ pub(super) struct YearLight {
 }
 
 impl YearLight {
-    /// The light of a climate over a basis; `place` names the matrix in messages.
-    pub(super) fn new(place: &str, basis: &LightBasis, climate: &Climate, options: &DaylightOptions) -> Result<Self> {
+    /// The light of a climate over a basis; `place` names the matrix in messages. Blinds are closed at as many steps as the climate has.
+    pub(super) fn new(
+        place: &str,
+        basis: &LightBasis,
+        climate: &Climate,
+        options: &DaylightOptions<'_>,
+    ) -> Result<Self> {
         let lights = SkyLights::of(place, basis)?;
         let (count, texels, is_split) = (lights.count(), lights.texels(), lights.is_split);
         let model = SkyModel::new(climate, options.sky);
         let is_day = |step: usize| model.sun(&climate.steps[step]).altitude > 0.0;
         let is_used = |step: usize| options.schedule.holds(&climate.steps[step]);
+        let is_closed = |step: usize| options.blinds.is_some_and(|blinds| blinds.closed[step]);
         let lit = (0..climate.steps.len()).into_par_iter();
         let mut lit: Vec<_> = lit.filter_map(|step| Some((step, model.at(&climate.steps[step], texels)?))).collect();
         if lit.is_empty() {
             return Err(Error::input(&*climate.site.name, "has no light at any time", "give another climate"));
         }
-        lit.sort_by_key(|(step, _)| (!is_used(*step), !is_day(*step), *step));
+        lit.sort_by_key(|(step, _)| (!is_used(*step), !is_day(*step), is_closed(*step), *step));
         let mut year = Self {
             steps: lit.iter().map(|(step, _)| *step as u32).collect(),
             segments: Vec::new(),
@@ -93,7 +101,7 @@ impl YearLight {
                 year.sun.push(SunWeight { column, hour, weight, is_direct });
             })?;
         }
-        year.segments = segments(&year.steps, |step| (is_used(step), is_day(step)));
+        year.segments = segments(&year.steps, |step| (is_used(step), is_day(step), is_closed(step)));
         year.sun.sort_by_key(|sun| (sun.column, sun.hour));
         let mut start = 0;
         for run in year.sun.chunk_by(|a, b| a.column == b.column) {
@@ -135,11 +143,11 @@ impl YearLight {
 }
 
 /// Runs of hours with the same answers.
-fn segments(steps: &[u32], of: impl Fn(usize) -> (bool, bool)) -> Vec<Segment> {
+fn segments(steps: &[u32], of: impl Fn(usize) -> (bool, bool, bool)) -> Vec<Segment> {
     let (mut segments, mut start) = (Vec::new(), 0);
     for run in steps.chunk_by(|a, b| of(*a as usize) == of(*b as usize)) {
-        let (is_used, is_day) = of(run[0] as usize);
-        segments.push(Segment { hours: start..start + run.len(), is_used, is_day });
+        let (is_used, is_day, is_closed) = of(run[0] as usize);
+        segments.push(Segment { hours: start..start + run.len(), is_used, is_day, is_closed });
         start += run.len();
     }
     segments

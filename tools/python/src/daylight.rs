@@ -59,6 +59,7 @@ pub(crate) fn year(
     let (from, to) = choices.hours;
     let schedule = Schedule::of_hours(from, to)?.in_months(choices.months.0, choices.months.1)?;
     let options = DaylightOptions {
+        blinds: None,
         sky: SkyOptions { north_degrees: choices.north, ground_reflectance: choices.ground },
         schedule,
         thresholds: Thresholds { autonomy: choices.autonomy, ..Thresholds::default() },

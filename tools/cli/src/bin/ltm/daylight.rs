@@ -1,24 +1,30 @@
 //! `ltm daylight`.
 
+mod blinds;
+mod dimming;
+mod glare;
+mod render;
+mod view;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ltm::container::ContainerReader;
 use ltm::daylight::{
     ANNUAL_MEASURES, Climate, MtxFormat, RadianceMatrix, Schedule, SkyModel, SkyOptions, SkyTexels, Thresholds,
+    glare_limits_lux,
 };
 use ltm::files::write_file;
 use ltm::light::{EnvironmentMapping, SkyPatches};
-use ltm::pipeline::{self, DaylightOptions, DaylightSource, DaylightYear, PackOptions, RenderOptions};
+use ltm::pipeline::{self, DaylightOptions, DaylightYear};
 use ltm::resources::{Progress, parse_bytes};
-use ltm::scene::{LoadedScene, grid_names, in_file, shows_irradiance};
-use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
-use crate::input::{Kind, Overrides, SceneFiles, kind_of};
+use self::blinds::Rule;
+use self::dimming::Zone;
+use self::view::{OpenMatrix, View, ViewBlinds};
+use crate::input::{Overrides, SceneFiles};
 use ltm_cli::console::Console;
 use ltm_cli::say;
-use ltm_cli::words::in_flags;
 
 #[derive(Args)]
 pub(crate) struct Daylight {
@@ -45,7 +51,22 @@ pub(crate) struct Daylight {
     /// How far the scene's north (−z) is turned towards east, in degrees.
     #[arg(long, default_value = "0", allow_negative_numbers = true)]
     north: f64,
-    /// Write all hours too: -hours.npy [places, steps], and for grids Radiance's .ill.
+    /// The same scene with closed blinds, which all measures but direct sun and the daylight factor then see in the hours in which --close
+    /// closes them: a scene file with the same views or, beside a matrix, a matrix.
+    #[arg(long, value_name = "FILE")]
+    blinds: Option<PathBuf>,
+    /// When blinds are closed: [GRID,]LUX,SHARE where direct sun is above LUX on more than a share of the sensors, or GRID:SENSOR,LUX where a
+    /// sensor has more [default: 1000lx,2% of each grid itself].
+    #[arg(long, value_name = "RULE", value_parser = parse_rule, requires = "blinds")]
+    close: Option<Rule>,
+    /// A grid whose sensors are eyes: glare at them by the simplified daylight glare probability; several by an option each.
+    #[arg(long, value_name = "GRID")]
+    eyes: Vec<String>,
+    /// Lamps that a sensor dims to a set point, LAMPS=GRID:SENSOR,SETPOINT,POWER[,LEAST[,POWER THERE]][,off], such as
+    /// 'desk-lamps=desk:5,500lx,120W,10%,30W'; several by an option each. lamps.csv has their electric energy.
+    #[arg(long = "dim", value_name = "ZONE", value_parser = parse_zone)]
+    zones: Vec<Zone>,
+    /// Write all hours too: -hours.npy [places, steps], for grids Radiance's .ill, of --dim lamps-hours.csv, of --blinds blinds-hours.csv.
     #[arg(long)]
     hourly: bool,
     /// Write the skies of the climate as gendaymtx does, sky.mtx, without its tint, of patches with this subdivision.
@@ -82,6 +103,14 @@ fn parse_months(text: &str) -> Result<(u8, u8), String> {
     Schedule::default().in_months(first, last).map(|_| (first, last)).map_err(|error| error.to_string())
 }
 
+fn parse_rule(text: &str) -> Result<Rule, String> {
+    text.parse().map_err(|error: Error| error.to_string())
+}
+
+fn parse_zone(text: &str) -> Result<Zone, String> {
+    text.parse().map_err(|error: Error| error.to_string())
+}
+
 pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
     let climate = Climate::read(&options.climate)?;
     climate.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
@@ -91,15 +120,34 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
     if let Some(subdivision) = options.sky_matrix {
         write_sky_matrix(options, &climate, subdivision)?;
     }
-    let mut rows = Vec::new();
-    if ltm::scene::is_scene_file(&options.input) {
-        for view in views(options)? {
-            rows.push(of_view(options, view.as_deref(), &climate, console)?);
+    let names = render::view_names(options)?;
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    dimming::check_views(&options.zones, &names)?;
+    glare::check_views(&options.eyes, &names)?;
+    let asked = asked(options)?;
+    let of_file = |file: &Path, folder: &Path| -> Result<Vec<View>> {
+        names.iter().map(|name| render::view_of(options, (file, folder), (name, &names), console)).collect()
+    };
+    let rule = options.close.clone().unwrap_or_default();
+    names
+        .iter()
+        .filter(|_| options.blinds.is_some())
+        .try_for_each(|name| rule.decider(name, &names, &options.eyes).map(|_| ()))?;
+    let mut views = of_file(&options.input, &options.output)?;
+    if let Some(blinds) = &options.blinds {
+        let closed = of_file(blinds, &options.output.join("closed"))?;
+        blinds::close((&rule, &options.eyes), (&mut views, &closed), &climate, &asked, console)?;
+        if options.hourly {
+            blinds::write_hours(&options.output.join("blinds-hours.csv"), &views, &climate)?;
         }
-    } else {
-        let name = options.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let row = of_matrix(options, &options.input, &name, None, &climate, console)?;
-        rows.push(row);
+    }
+    let mut rows = Vec::new();
+    for view in &views {
+        rows.push(year_of(options, &asked, view, &climate, console)?);
+    }
+    if !options.zones.is_empty() {
+        let target = (&*options.output, options.hourly);
+        dimming::dim(&options.zones, (&views, &climate), &asked, target, console)?;
     }
     let summary = options.output.join("summary.csv");
     write_file(&summary, true, format!("{SUMMARY}\n{}", rows.concat()).as_bytes())?;
@@ -108,122 +156,56 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
 }
 
 const SUMMARY: &str = "view,places,dark,sda_percent,ase_percent,en_17037_class,da_percent,cda_percent,udi_below_percent,\
-udi_supplementary_percent,udi_autonomous_percent,udi_above_percent,mean_lux,daylight_factor_percent";
+udi_supplementary_percent,udi_autonomous_percent,udi_above_percent,mean_lux,daylight_factor_percent,closed_hours,\
+dgps_035_percent,dgps_040_percent,dgps_045_percent";
 
 fn check(options: &Daylight) -> Result<()> {
     let refuse = |place: &str, problem: String, hint: &str| Err(Error::input(place, problem, hint));
     if !(options.autonomy > 0.0 && options.autonomy.is_finite()) {
         return refuse("--autonomy", format!("{} is no illuminance", options.autonomy), "give lx above 0");
     }
+    let is_scene = ltm::scene::is_scene_file;
+    if let Some(blinds) = options.blinds.as_ref().filter(|blinds| is_scene(blinds) != is_scene(&options.input)) {
+        let problem = format!("goes with no {}", options.input.display());
+        let hint = "give a scene file beside a scene file, or a matrix beside a matrix";
+        return refuse(&blinds.display().to_string(), problem, hint);
+    }
     SkyOptions { ground_reflectance: options.ground, north_degrees: options.north }.check()
 }
 
-/// The views that are wanted: grids by name, none for the camera.
-fn views(options: &Daylight) -> Result<Vec<Option<String>>> {
-    let (grids, has_camera) = grid_names(&options.input)?;
-    match options.view.as_deref() {
-        Some("camera") => Ok(vec![None]),
-        Some(name) => Ok(vec![Some(name.to_owned())]),
-        None => Ok(grids.into_iter().map(Some).chain(has_camera.then_some(None)).collect()),
-    }
-}
-
-/// Renders a view where its matrix is not there, and gives its row of the summary.
-fn of_view(options: &Daylight, grid: Option<&str>, climate: &Climate, console: &Console) -> Result<String> {
-    let load = ltm::scene::LoadOptions { grid: grid.map(str::to_owned), ..options.files.load_options(options.memory) };
-    let mut loaded = options.overrides.of(pipeline::load_scene(&options.input, load)?);
-    for warning in loaded.warnings.worded(in_flags) {
-        console.note(&format!("warning: {warning}"));
-    }
-    let name = grid.unwrap_or("camera");
-    let extension = if grid.is_some() || options.no_pack { "ltm" } else { "ltc" };
-    let matrix = options.output.join(format!("{name}.{extension}"));
-    match grid {
-        Some(_) => loaded.settings.samples_per_pixel = options.sensor_samples,
-        None => loaded = loaded.showing_irradiance(),
-    }
-    let wanted = pipeline::job_of(&loaded)?.provenance;
-    let is_there = matrix.exists()
-        && match extension {
-            "ltm" => StoreReader::open(&matrix)?.job().provenance == wanted,
-            _ => ContainerReader::open(&matrix)?.job().provenance == wanted,
-        };
-    if matrix.exists() && !is_there && !options.force {
-        let problem = "is of another scene, or was rendered with other settings";
-        return Err(Error::input(matrix.display().to_string(), problem, "--force renders it again"));
-    }
-    let scene = loaded.scene.clone();
-    if !is_there || options.force {
-        render(options, loaded, &matrix, console)?;
-    }
-    let places = scene.sensors.as_ref().map(|sensors| {
-        let points = sensors.points().iter();
-        points
-            .map(|p| (in_file(scene.origin, p.position).as_vec3().to_array(), p.normal.to_array()))
-            .collect::<Vec<_>>()
-    });
-    of_matrix(options, &matrix, name, places.as_deref(), climate, console)
-}
-
-/// Sensors are kept as they are rendered; a picture is denoised and packed, unless it is not to be.
-fn render(options: &Daylight, loaded: LoadedScene, matrix: &Path, console: &Console) -> Result<()> {
-    let memory_bytes = options.memory;
-    if loaded.scene.sensors.is_some() || options.no_pack {
-        let store = ltm::store::StoreOptions { overwrite: options.force, ..Default::default() };
-        let render = RenderOptions { store, memory_bytes, ..Default::default() };
-        let report = pipeline::render(loaded, matrix, &render, console)?;
-        say!("{}: rendered in {:.1} s", matrix.display(), report.seconds);
-        return Ok(());
-    }
-    let mut pack = PackOptions { memory_bytes, ..Default::default() };
-    pack.container.overwrite = options.force;
-    let (render, _) = pipeline::render_packed(loaded, matrix, &pack, console)?;
-    say!("{}: rendered and packed in {:.1} s", matrix.display(), render.seconds);
-    Ok(())
-}
-
-/// The year of a matrix: its files, and its row of the summary.
-fn of_matrix(
-    options: &Daylight,
-    path: &Path,
-    name: &str,
-    places: Option<&[([f32; 3], [f32; 3])]>,
-    climate: &Climate,
-    console: &Console,
-) -> Result<String> {
-    let begun = std::time::Instant::now();
-    let stem = options.output.join(name);
-    let hours = options.hourly.then(|| options.output.join(format!("{name}-hours.npy")));
+/// Choices of the year.
+fn asked(options: &Daylight) -> Result<DaylightOptions<'static>> {
     let schedule = match options.months {
         Some((first, last)) => options.schedule.in_months(first, last)?,
         None => options.schedule,
     };
-    let asked = DaylightOptions {
+    Ok(DaylightOptions {
+        blinds: None,
         sky: SkyOptions { ground_reflectance: options.ground, north_degrees: options.north },
         schedule,
         thresholds: Thresholds { autonomy: options.autonomy, ..Thresholds::default() },
         memory_bytes: options.memory,
         overwrite: true,
-    };
-    let place = path.display().to_string();
-    let of = |source: DaylightSource<'_>, settings: &str| {
-        if !shows_irradiance(settings) {
-            let problem = "shows radiance, and not the irradiance of surfaces";
-            let hint = "give the scene file, or render with irradiance = true in its [camera]";
-            return Err(Error::input(&place, problem, hint));
-        }
-        pipeline::daylight(&source, &place, climate, &asked, hours.as_deref(), console)
-    };
-    let year = match kind_of(path)? {
-        Kind::Container => {
-            let container = ContainerReader::open(path)?;
-            of(DaylightSource::Container(&container), &container.job().provenance.settings)?
-        }
-        Kind::Matrix => {
-            let matrix = StoreReader::open(path)?;
-            of(DaylightSource::Stored(&matrix), &matrix.job().provenance.settings)?
-        }
-    };
+    })
+}
+
+/// The year of a view: its files, and its row of the summary.
+fn year_of(
+    options: &Daylight,
+    asked: &DaylightOptions<'_>,
+    view: &View,
+    climate: &Climate,
+    console: &Console,
+) -> Result<String> {
+    let begun = std::time::Instant::now();
+    let (name, places) = (&*view.name, view.places.as_deref());
+    let stem = options.output.join(name);
+    let hours = options.hourly.then(|| options.output.join(format!("{name}-hours.npy")));
+    let (matrix, place) = (OpenMatrix::open(&view.matrix)?, view.matrix.display().to_string());
+    let is_of_eyes = options.eyes.contains(&view.name);
+    let thresholds = Thresholds { glare: is_of_eyes.then(glare_limits_lux), ..asked.thresholds };
+    let asked = DaylightOptions { blinds: view.blinds.as_ref().map(ViewBlinds::blinds), thresholds, ..*asked };
+    let year = pipeline::daylight(&matrix.source(), &place, climate, &asked, hours.as_deref(), console)?;
     let written = pipeline::write_measures(&year, &stem, places, true)?;
     if let (Some(hours), true) = (&hours, year.size.1 == 1 || places.is_some()) {
         let ill = options.output.join(format!("{name}.ill"));
@@ -245,7 +227,13 @@ fn of_matrix(
         let text = "no light reaches them; they may stand in walls or in sealed rooms, and are left out of the shares";
         console.note(&format!("warning: {name}: {} of {all} sensors: {text}", year.dark));
     }
-    Ok(told(name, &year))
+    let closed = view.blinds.as_ref().map(|blinds| format!("{:.3}", blinds.closed_hours(climate, &asked)));
+    let row = format!("{},{}", told(name, &year), closed.unwrap_or_default());
+    let glare = match is_of_eyes {
+        true => glare::write((view, &year), (&stem, hours.as_deref()), climate, console)?,
+        false => ",,".into(),
+    };
+    Ok(format!("{row},{glare}\n"))
 }
 
 /// Says what a year gave; returns its row of the summary.
@@ -265,7 +253,7 @@ fn told(name: &str, year: &DaylightYear) -> String {
     }
     let exposure = space.sunlight_exposure().map(|percent| format!("{percent:.3}")).unwrap_or_default();
     let places = format!("{},{}", year.measures.len(), year.dark);
-    format!("{name},{places},{:.3},{exposure},{class},{}\n", space.spatial_autonomy(), means.join(","))
+    format!("{name},{places},{:.3},{exposure},{class},{}", space.spatial_autonomy(), means.join(","))
 }
 
 /// Writes the skies of the climate in the form of `gendaymtx -of -c 1 1 1`.

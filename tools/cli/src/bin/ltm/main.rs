@@ -8,6 +8,7 @@ mod demo;
 mod doctor;
 mod farm;
 mod first_steps;
+mod glare;
 mod info;
 mod input;
 #[path = "../ltm-pack/main.rs"]
@@ -88,6 +89,12 @@ enum Command {
   ltm daylight room.toml --climate city.epw --view desk --hourly
   ltm daylight year/camera.ltc --climate other.epw -o other")]
     Daylight(daylight::Daylight),
+    /// Say how likely daylight glares in pictures of what an eye sees: the daylight glare probability, and its sources.
+    #[command(after_help = "Examples:
+  ltm glare eye.exr                                    a fisheye, or a panorama that looks where the eye does
+  ltm glare panorama.exr --turn -90                    the eye looks to the left of its middle
+  ltm glare day-*.exr -o glare.csv                     a line for each picture")]
+    Glare(glare::Glare),
     /// Write a container as a web page: a picture whose lights its viewers mix, on any static host or from a disk.
     #[command(after_help = "Examples:
   ltm share room.ltc -o site                    a folder to put on a static host
@@ -156,6 +163,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Daylight(options) => daylight::run(&options, console),
         Command::Share(options) => share::run(&options, console),
         Command::View(options) => sibling::run("ltm-view", arguments.threads, &options),
+        Command::Glare(options) => glare::run(&options, console),
         Command::Info(options) => info::run(&options, console),
         Command::Verify(options) => verify::run(&options, console),
         Command::Repair(options) => maintain::repair(&options, console),
