@@ -9,18 +9,11 @@ use super::{ColumnUpsampler, ErrorSums};
 use crate::light::{Clusters, DenoiseErrors, DenoisedLight, Job, LightBasis, LightGroups};
 use crate::matrix::MatrixShape;
 
-/// Relative error of a light's picture from which on most of it is noise.
-const MOSTLY_NOISE: f32 = 0.5;
-/// Share below which such a picture counts no brighter.
-const MIN_NOISY_SHARE: f64 = 1e-3;
-
 /// Sums over a denoised block.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct DenoisedBlockSums {
     /// For each cluster the sum of its tiles.
     pub(super) light: Vec<f64>,
-    /// For each group of lights, and at last for all, the sum of the roots of its tiles.
-    pub(super) roots: Vec<f64>,
     /// For each group of lights; none where images were denoised elsewhere.
     pub(super) errors: Vec<ErrorSums>,
 }
@@ -39,9 +32,9 @@ pub(crate) struct WindowSums {
 pub(crate) struct PictureFit {
     /// `R`: clusters × columns, row-major.
     pub(crate) map: Vec<f32>,
-    /// Brightness of each light's picture over that of all columns on: the square of the mean root of light, see
+    /// Share of each light in the mean of the picture with all columns on (decision 73), see
     /// [`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone).
-    pub(crate) brightness: Vec<f64>,
+    pub(crate) shares: Vec<f64>,
     /// The errors of denoising, of all images of lights together and of each light; `None` if the images came from elsewhere.
     pub(crate) errors: Option<(DenoiseErrors, Vec<DenoisedLight>)>,
 }
@@ -89,12 +82,10 @@ impl PictureSums {
         let mut sums = Vec::with_capacity(blocks.min(bytes.len()));
         for _ in 0..blocks {
             let (light, rest) = bytes.split_at_checked(size_of::<f64>() * clusters)?;
-            let (roots, rest) = rest.split_at_checked(size_of::<f64>() * (groups + 1))?;
             let (errors, rest) = rest.split_at_checked(size_of::<ErrorSums>() * groups)?;
-            let [light, roots] = [light, roots]
-                .map(|values| values.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect());
+            let light = light.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect();
             let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
-            sums.push(DenoisedBlockSums { light, roots, errors });
+            sums.push(DenoisedBlockSums { light, errors });
             bytes = rest;
         }
         let tiles = match clusters < columns {
@@ -112,35 +103,7 @@ impl PictureSums {
             Some(tiles) => tiles.fit(&self.partition),
             None => identity(self.partition.count(), columns),
         };
-        let errors = self.errors();
-        let of_lights = errors.as_ref().map(|(_, lights)| &lights[..]);
-        PictureFit { brightness: self.brightness(basis, &map, of_lights), errors, map }
-    }
-
-    /// Displays show about a root of radiance, so that of a light which is bright in one corner the rest of its picture counts (decision 73). Lights
-    /// of one group share its brightness by their means. The brightness of a picture that is mostly noise is its mean.
-    fn brightness(&self, basis: &LightBasis, map: &[f32], errors: Option<&[DenoisedLight]>) -> Vec<f64> {
-        let (groups, of_light) = (self.groups.count(), self.groups.of_light());
-        let mut roots = vec![0.0f64; groups + 1];
-        for block in self.blocks.iter().flatten() {
-            roots.iter_mut().zip(&block.roots).for_each(|(sum, root)| *sum += root);
-        }
-        let means = self.shares(basis, map);
-        let mut of_group = vec![0.0f64; groups];
-        of_light.iter().zip(&means).for_each(|(&group, mean)| of_group[usize::from(group)] += mean);
-        let is_noise = |light: usize| {
-            let errors = errors.map(|lights| lights[light].errors);
-            errors.is_some_and(|errors| errors.noise_after.hypot(errors.bias) >= MOSTLY_NOISE)
-        };
-        let brightness = of_light.iter().map(|&group| usize::from(group)).zip(means).enumerate();
-        let brightness = brightness.map(|(light, (group, mean))| match is_noise(light) {
-            true => mean.max(MIN_NOISY_SHARE),
-            false => {
-                let root = roots[group] / roots[groups].max(f64::MIN_POSITIVE);
-                root * root * mean / of_group[group].max(f64::MIN_POSITIVE)
-            }
-        });
-        brightness.collect()
+        PictureFit { shares: self.shares(basis, &map), errors: self.errors(), map }
     }
 
     /// Share of each light in the mean of the picture with all columns on.
@@ -178,14 +141,13 @@ impl PictureSums {
 }
 
 impl WindowSums {
-    /// Encodes the sums, in the machine's byte order, for a program of this version: of each block the light of its clusters, the roots of
-    /// its groups and their errors; then those of the tiles.
+    /// Encodes the sums, in the machine's byte order, for a program of this version: of each block the light of its clusters
+    /// and the errors of its groups; then those of the tiles.
     #[cfg(feature = "scene")]
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         for block in &self.blocks {
             bytes.extend_from_slice(bytemuck::cast_slice(&block.light));
-            bytes.extend_from_slice(bytemuck::cast_slice(&block.roots));
             bytes.extend_from_slice(bytemuck::cast_slice(&block.errors));
         }
         if let Some(tiles) = &self.tiles {

@@ -22,7 +22,7 @@ const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 /// Columns of the factor; what it does not reach is counted as independent.
 const FACTOR_WIDTH: usize = 128;
 /// Share of a light in the image with all on below which its own image is not exposed any brighter.
-const MIN_SHARE: f64 = 1e-4;
+const MIN_SHARE: f64 = 1e-3;
 /// Number of lamps that a textured light counts for if each light alone is weighted. It is above 1 because users paint
 /// textured lights instead of switching them. Tuned: decision 37.
 const PAINTED: f64 = 4.0;
@@ -83,7 +83,7 @@ impl LightingPrior {
 
     /// The prior with each light alone added, exposed as all of them together are. An image under one lamp counts as
     /// much as one under all, however little of it is visible. A textured light alone gets every lighting of its
-    /// texels' prior. `shares` are the lights' shares of the brightness of the image with all on. With a single light
+    /// texels' prior. `shares` are the lights' shares of the mean image with all on. With a single light
     /// nothing changes.
     ///
     /// # Panics
