@@ -185,7 +185,7 @@ impl ContainerReader {
     }
 
     /// Memory of all factors as they are held for relighting, at most: 16 bits a value of left sides, and of right ones
-    /// [`RIGHT_BYTES_PER_STORED_BYTE`], beside a table.
+    /// seven times the bytes that the file has of them, beside a table.
     pub fn factors_bytes(&self) -> u64 {
         let shape = self.job.shape;
         let tiles = ColumnTransform::new(self.column_planes(), &[]).tiles().len();
