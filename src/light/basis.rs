@@ -136,6 +136,11 @@ impl LightKind {
         matches!(self, Self::LatLong { .. } | Self::Octahedral { .. } | Self::Patches { .. })
     }
 
+    /// Whether daylight of a climate lights it: a sky, or places of the sun.
+    pub fn is_daylight(self) -> bool {
+        self.is_environment() || matches!(self, Self::Suns { .. })
+    }
+
     /// Texels (across, down); (1, 1) for lights of one column.
     pub fn layout(self) -> (u32, u32) {
         match self {

@@ -134,6 +134,16 @@ impl MatrixShape {
         PixelRect { x, y, width: self.block_side.min(self.width - x), height: self.block_side.min(self.height - y) }
     }
 
+    /// The block of a pixel, and the pixel's index in it; `None` beside the image.
+    pub fn block_at(self, x: u32, y: u32) -> Option<(BlockId, usize)> {
+        if x >= self.width || y >= self.height {
+            return None;
+        }
+        let id = BlockId(y / self.block_side * self.blocks_across() + x / self.block_side);
+        let rect = self.rect(id);
+        Some((id, ((y - rect.y) * rect.width + x - rect.x) as usize))
+    }
+
     /// Bytes of the largest block's entries.
     pub fn max_block_bytes(self) -> u64 {
         size_of::<f32>() as u64 * self.max_block_rows() as u64 * self.columns() as u64
@@ -158,11 +168,14 @@ mod tests {
                 let rect = shape.rect(id);
                 for y in rect.y..rect.y + rect.height {
                     for x in rect.x..rect.x + rect.width {
+                        let inside = (y - rect.y) * rect.width + x - rect.x;
+                        assert_eq!(shape.block_at(x, y), Some((id, inside as usize)));
                         seen[(y * width + x) as usize] += 1;
                     }
                 }
             }
             assert!(seen.iter().all(|&count| count == 1), "{width}×{height} by {side}");
+            assert_eq!((shape.block_at(width, 0), shape.block_at(0, height)), (None, None));
             assert_eq!(shape.blocks().map(|id| shape.rect(id).rows() as u64).sum::<u64>(), shape.rows());
         }
     }

@@ -144,7 +144,7 @@ fn demo_lightings(basis: &LightBasis) -> Result<Vec<(&'static str, Lighting)>> {
         let lighting = dark.map(|light| light.name.as_str()).try_fold(scene.clone(), |l, name| l.with(name, 0.0))?;
         Ok((name, lighting))
     };
-    let is_sky = |kind: LightKind| kind.is_environment() || matches!(kind, LightKind::Sun | LightKind::Suns { .. });
+    let is_sky = |kind: LightKind| kind.is_daylight() || kind == LightKind::Sun;
     let is_panel = |kind| matches!(kind, LightKind::AreaTexels { .. });
     let mut named = vec![(PICTURE, scene.clone())];
     named.push(of_kinds("day", &is_sky)?);

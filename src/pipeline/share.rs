@@ -273,8 +273,7 @@ fn lumens_per_watt(job: &Job) -> Option<f32> {
 /// Whether the camera that the job states sees all directions; `None` if it states none.
 #[cfg(feature = "scene")]
 fn is_panorama(job: &Job) -> Option<bool> {
-    let camera = Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))?;
-    Some(camera.projection == Projection::Panorama)
+    Some(Camera::of_job(job)?.projection == Projection::Panorama)
 }
 
 /// Cameras are those of scenes.

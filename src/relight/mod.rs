@@ -35,6 +35,7 @@ mod gpu;
 mod lighting;
 mod paged;
 mod pager;
+mod pixel_rows;
 mod project;
 #[cfg(test)]
 mod random;
@@ -52,5 +53,6 @@ pub use cpu::{CpuRelighter, Relit, relight_streaming};
 pub use gpu::{GpuAdapter, GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
 pub use paged::{PagedRelighter, Reads};
 pub use pager::{Admission, Detail, Pager, plan};
+pub use pixel_rows::pixel_rows;
 pub use raw::relight_raw;
 pub use region::{relight_region_raw, relight_region_streaming};

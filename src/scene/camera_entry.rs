@@ -6,6 +6,7 @@ use super::file::{CameraEntry, FilterEntry, ProjectionEntry};
 use super::{Camera, Lens, PixelFilter, Projection, origin};
 use crate::decimal::{self, list, of_f32};
 use crate::error::{Error, Result};
+use crate::light::Job;
 
 /// Prefix of the text of [`Camera::in_words`].
 const WORDS: &str = "camera: ";
@@ -130,6 +131,11 @@ impl Camera {
             text += &format!(", blades = {blades}, blade_rotation_degrees = {turn}");
         }
         text
+    }
+
+    /// The camera that a matrix was rendered with, where its job states one ([`of_words`](Self::of_words)).
+    pub fn of_job(job: &Job) -> Option<Self> {
+        Self::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
     }
 
     /// The camera described in a job's settings, for an image of this size, without a pixel filter. `None` without a

@@ -47,7 +47,7 @@ pub(super) enum BlindsState {
 }
 
 /// The weight of a channel in lux for a unit of radiance or irradiance.
-fn lux_of(channel: usize) -> f32 {
+pub(super) fn lux_of(channel: usize) -> f32 {
     LUMINANCE_WEIGHTS[channel] * LUMENS_PER_WATT as f32
 }
 

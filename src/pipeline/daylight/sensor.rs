@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use super::product::{BlindsState, PixelHours};
+use super::product::{BlindsState, PixelHours, lux_of};
 use super::year_light::YearLight;
 use super::{DaylightOptions, DaylightSource};
-use crate::daylight::{Climate, HourSums, LUMENS_PER_WATT, LUMINANCE_WEIGHTS};
+use crate::daylight::{Climate, HourSums};
 use crate::error::{Error, Result};
-use crate::light::{LightBasis, LightKind};
-use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, MatrixShape, TracedBlock};
+use crate::light::{Job, Light};
+use crate::matrix::{BlockSource, CHANNELS, ColumnIndex, TracedBlock};
+use crate::relight::pixel_rows;
 use crate::resources::{Held, PerThread, Progress, ResourceEstimate};
 
 /// What a sensor sees in a year.
@@ -46,28 +47,31 @@ pub fn sensor_years(
     let need = ResourceEstimate::of(&[&parts[0], &parts[1], &PerThread(block_bytes + kept as u64)]);
     need.admit("the sensors", Path::new(place), &[], options.memory_bytes, watch)?;
     let closed = options.blinds.map(|blinds| blinds.year((place, shape), climate, options)).transpose()?;
+    if let Some(blinds) = options.blinds.filter(|blinds| names(blinds.source.job()).ne(names(job))) {
+        let problem = format!("has other lights than {place}");
+        return Err(Error::input(blinds.place, problem, "render both with the same lights"));
+    }
     let year = YearLight::new(place, &job.basis, climate, options)?;
     let mut scratch = TracedBlock::default();
     let one = |sensor: &usize| {
-        let (id, pixel) = block_of(shape, place, *sensor)?;
+        let (width, height) = (shape.width() as usize, shape.height() as usize);
+        let at = [sensor % width, sensor / width].map(|at| u32::try_from(at).unwrap_or(u32::MAX));
+        let Some((id, pixel)) = shape.block_at(at[0], at[1]) else {
+            let problem = format!("has {} sensors, none of number {}", width * height, sensor + 1);
+            return Err(Error::input(place, problem, "give one of them"));
+        };
         let pixels = shape.rect(id).pixels();
         let (mut sums, mut hours) = (vec![HourSums::default(); pixels], vec![0.0; pixels * year.hours()]);
         let mut target = PixelHours { sums: &mut sums, hours: Some(&mut hours) };
         let block = source.hours(id, &year, &mut scratch)?;
         block.add_to(&year, &options.thresholds, BlindsState::Open, &mut target);
         drop(block);
-        let lights = lights_at(source, &job.basis, (id, pixel), &mut scratch)?;
+        let lights = lights_at(source, at, &mut scratch)?;
         let mut closed_lights = lights.clone();
         if let (Some(blinds), Some(year)) = (&options.blinds, &closed) {
             let block = blinds.source.hours(id, year, &mut scratch)?;
             block.add_to(year, &options.thresholds, BlindsState::Closed, &mut target);
-            let basis = &blinds.source.job().basis;
-            let names = |basis: &LightBasis| basis.lights().iter().map(|light| light.name.clone()).collect::<Vec<_>>();
-            if names(basis) != names(&job.basis) {
-                let problem = format!("has other lights than {place}");
-                return Err(Error::input(blinds.place, problem, "render both with the same lights"));
-            }
-            closed_lights = lights_at(&blinds.source, basis, (id, pixel), &mut scratch)?;
+            closed_lights = lights_at(&blinds.source, at, &mut scratch)?;
         }
         let mut daylight = vec![0.0; steps];
         for (&step, lux) in year.steps.iter().zip(&hours[pixel * year.hours()..]) {
@@ -78,72 +82,40 @@ pub fn sensor_years(
     sensors.iter().map(one).collect()
 }
 
-/// The block of a pixel, and the pixel's place in it.
-fn block_of(shape: MatrixShape, place: &str, sensor: usize) -> Result<(BlockId, usize)> {
-    let (width, count) = (shape.width() as usize, shape.width() as usize * shape.height() as usize);
-    let (x, y) = ((sensor % width) as u32, sensor / width);
-    let holds = |id: &BlockId| {
-        let rect = shape.rect(*id);
-        (rect.x..rect.x + rect.width).contains(&x) && (rect.y as usize..(rect.y + rect.height) as usize).contains(&y)
-    };
-    let found = shape.blocks().find(holds).map(|id| {
-        let rect = shape.rect(id);
-        (id, (y - rect.y as usize) * rect.width as usize + (x - rect.x) as usize)
-    });
-    found.ok_or_else(|| {
-        Error::input(place, format!("has {count} sensors, none of number {}", sensor + 1), "give one of them")
-    })
+fn names(job: &Job) -> impl Iterator<Item = &str> {
+    job.basis.lights().iter().map(|light| &*light.name)
 }
 
-/// Lux by each light at a pixel of a block.
-fn lights_at(
-    source: &DaylightSource<'_>,
-    basis: &LightBasis,
-    (id, pixel): (BlockId, usize),
-    scratch: &mut TracedBlock,
-) -> Result<Vec<f32>> {
-    let (weights, pixels) = (basis.scene_weights(), source.job().shape.rect(id).pixels());
-    let lux = |channel: usize, column: u32| {
-        LUMINANCE_WEIGHTS[channel] * LUMENS_PER_WATT as f32 * weights[column as usize][channel]
+/// Lux by each light at a pixel; 0 of the sky and of places of the sun.
+fn lights_at(source: &DaylightSource<'_>, pixel: [u32; 2], scratch: &mut TracedBlock) -> Result<Vec<f32>> {
+    let basis = &source.job().basis;
+    let (weights, rows) = (basis.scene_weights(), rows_at(source, pixel, scratch)?);
+    let lux_of_column = |column: u32| -> f32 {
+        let (row, weight) = (rows[column as usize], weights[column as usize]);
+        (0..CHANNELS).map(|channel| lux_of(channel) * weight[channel] * row[channel]).sum()
     };
-    let lamps = basis.lights().iter().enumerate();
-    let lamps: Vec<_> = lamps
-        .filter(|(_, light)| !light.kind.is_environment() && !matches!(light.kind, LightKind::Suns { .. }))
-        .collect();
-    let mut lights = vec![0.0f32; basis.lights().len()];
-    match source {
-        DaylightSource::Container(container) => {
-            let block = container.read_block(id)?;
-            for k in 0..block.rank() {
-                let (left, right) = (block.left_component(k), block.right_component(k));
-                for (at, lamp) in &lamps {
-                    for (channel, column) in (0..CHANNELS).flat_map(|c| lamp.columns().map(move |column| (c, column))) {
-                        let entry = left[channel * pixels + pixel] * right[column as usize];
-                        lights[*at] += lux(channel, column) * entry;
-                    }
-                }
-            }
-            for entry in block.sparse.iter().filter(|entry| entry.row as usize % pixels == pixel) {
-                let owner = lamps.iter().find(|(_, lamp)| lamp.columns().contains(&entry.column.0));
-                if let Some((at, _)) = owner {
-                    lights[*at] += lux(entry.row as usize / pixels, entry.column.0) * entry.value;
-                }
-            }
-        }
-        DaylightSource::Stored(matrix) => matrix.visit_block(id, scratch, &mut |block| {
-            lights.fill(0.0);
-            for (at, lamp) in &lamps {
-                for column in lamp.columns() {
-                    let values = block.view().column(ColumnIndex(column));
-                    let by_channel =
-                        (0..CHANNELS).map(|channel| lux(channel, column) * values[channel * pixels + pixel]);
-                    lights[*at] += by_channel.sum::<f32>();
-                }
-            }
-            Ok(())
-        })?,
-    }
-    // Noise and compression may leave less than nothing.
-    lights.iter_mut().for_each(|lux| *lux = lux.max(0.0));
-    Ok(lights)
+    let lux = |light: &Light| match light.kind.is_daylight() {
+        true => 0.0,
+        // Noise and compression may leave less than nothing.
+        false => light.columns().map(lux_of_column).sum::<f32>().max(0.0),
+    };
+    Ok(basis.lights().iter().map(lux).collect())
+}
+
+/// Three rows of `T`: what each column brings to a pixel.
+fn rows_at(source: &DaylightSource<'_>, [x, y]: [u32; 2], scratch: &mut TracedBlock) -> Result<Vec<[f32; CHANNELS]>> {
+    let matrix = match source {
+        DaylightSource::Container(container) => return pixel_rows(*container, [x, y]),
+        DaylightSource::Stored(matrix) => matrix,
+    };
+    let shape = source.job().shape;
+    let (id, inside) = shape.block_at(x, y).expect("a sensor is in its matrix");
+    let pixels = shape.rect(id).pixels();
+    let mut rows = Vec::new();
+    matrix.visit_block(id, scratch, &mut |block| {
+        let columns = (0..shape.columns() as u32).map(|column| block.view().column(ColumnIndex(column)));
+        rows = columns.map(|values| [0, 1, 2].map(|channel| values[channel * pixels + inside])).collect();
+        Ok(())
+    })?;
+    Ok(rows)
 }

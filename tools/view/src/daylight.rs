@@ -5,7 +5,7 @@ use std::path::Path;
 use super::mixer::{LightMix, Mix};
 use ltm::daylight::{Climate, DAYS_BEFORE_MONTH, SkyOptions};
 use ltm::error::Result;
-use ltm::light::{Light, LightBasis, LightKind, Lighting};
+use ltm::light::{LightBasis, Lighting};
 use ltm::pipeline::lighting_at;
 
 /// The months as they are written beside a day.
@@ -46,17 +46,12 @@ impl Daylight {
         let options = SkyOptions { north_degrees: -self.north_degrees, ..SkyOptions::default() };
         let time = (date_of(self.day_of_year), self.hour);
         let lighting = lighting_at(place, &Lighting::off(basis), basis, &self.climate, time, options)?;
-        for (light, own) in basis.lights().iter().zip(&mut mix.lights).filter(|(light, _)| is_lit_by_daylight(light)) {
+        for (light, own) in basis.lights().iter().zip(&mut mix.lights).filter(|(light, _)| light.kind.is_daylight()) {
             let columns = light.first_column as usize..light.first_column as usize + light.places.len();
             *own = LightMix { solo: own.solo, ..LightMix::of_weights(light, &lighting.weights()[columns]) };
         }
         Ok(())
     }
-}
-
-/// Whether a light is a sky, or places of the sun.
-pub fn is_lit_by_daylight(light: &Light) -> bool {
-    light.kind.is_environment() || matches!(light.kind, LightKind::Suns { .. })
 }
 
 /// Month and day, from 1, of a day of a year without a leap day.

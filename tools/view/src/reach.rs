@@ -1,10 +1,9 @@
-//! What each light brings: to the whole picture, and to one pixel.
+//! What each light brings to the whole picture, and by the rows of a pixel to that.
 
-use ltm::error::Result;
 use ltm::image::luminance;
 use ltm::light::LightBasis;
 use ltm::light::Lighting;
-use ltm::matrix::{BlockId, CHANNELS, CodedBlock, ColumnTransform, FactorSource, MatrixShape};
+use ltm::matrix::{CHANNELS, CodedBlock, ColumnTransform, FactorSource, MatrixShape};
 
 /// Sums over blocks for [`TexelReach`].
 pub(super) struct ReachSums {
@@ -97,42 +96,10 @@ impl TexelReach {
     }
 }
 
-/// What a weight 1 on each column brings to one pixel, per channel: three rows of `T`.
-///
-/// Errors: what the source reports for the pixel's block. Panics if there is no such pixel.
-pub fn pixel_rows(source: &dyn FactorSource, [x, y]: [u32; 2]) -> Result<Vec<[f32; CHANNELS]>> {
-    let (id, inside) = block_of(source.shape(), [x, y]);
-    let block = source.read_layers(id, 0..source.layer_count(id))?;
-    let pixels = source.shape().rect(id).pixels();
-    let mut rows = vec![[0.0; CHANNELS]; source.shape().columns()];
-    for k in 0..block.rank() {
-        let left = [0, 1, 2].map(|channel| block.left_component(k)[channel * pixels + inside]);
-        for (row, right) in rows.iter_mut().zip(block.right_component(k)) {
-            *row = [0, 1, 2].map(|channel| row[channel] + left[channel] * right);
-        }
-    }
-    for entry in &block.sparse {
-        let (channel, pixel) = (entry.row as usize / pixels, entry.row as usize % pixels);
-        if pixel == inside {
-            rows[entry.column.index()][channel] += entry.value;
-        }
-    }
-    Ok(rows)
-}
-
 /// Luminance that each light brings, from what each column brings at weight 1.
 pub fn per_light(basis: &LightBasis, per_column: &[[f32; CHANNELS]], lighting: &Lighting) -> Vec<f32> {
     let weights = lighting.weights();
     let of_column = |column: usize| luminance([0, 1, 2].map(|ch| per_column[column][ch] * weights[column][ch]));
     let of_light = |columns: std::ops::Range<u32>| columns.map(|column| of_column(column as usize)).sum();
     basis.lights().iter().map(|light| of_light(light.columns())).collect()
-}
-
-/// The block of a pixel, and the pixel's index inside it.
-fn block_of(shape: MatrixShape, [x, y]: [u32; 2]) -> (BlockId, usize) {
-    assert!(x < shape.width() && y < shape.height(), "pixel {x}, {y}");
-    let side = shape.block_side();
-    let id = BlockId(y / side * shape.blocks_across() + x / side);
-    let rect = shape.rect(id);
-    (id, ((y - rect.y) * rect.width + x - rect.x) as usize)
 }

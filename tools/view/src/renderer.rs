@@ -8,7 +8,7 @@ use std::time::Instant;
 use super::device_renderer::OnDevice;
 use super::display::{Display, Shown};
 use super::metered::Metered;
-use super::reach::{per_light, pixel_rows};
+use super::reach::per_light;
 use super::words::line;
 use super::worker::{Compared, Event, Outbox, Picture, PictureProgress, Request, Seen, Shared, SharedDevice, Wishes};
 use ltm::container::ContainerReader;
@@ -16,7 +16,7 @@ use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::matrix::{BlockId, CodedBlock, ColumnIndex, ColumnTransform, FactorSource, FactoredBlock, MatrixShape};
-use ltm::relight::{CpuRelighter, Relit};
+use ltm::relight::{CpuRelighter, Relit, pixel_rows};
 
 /// A changed lighting is applied column by column if fewer than one in this many columns change. A column of `R` is
 /// gathered entry by entry, at some ten times the cost of a pass over all of it.

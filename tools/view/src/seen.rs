@@ -1,13 +1,8 @@
 //! Where lights are seen in the picture, by the camera that the container states.
 
 use glam::Vec3;
-use ltm::light::{Job, Light, LightBasis, LightKind};
+use ltm::light::{Light, LightBasis, LightKind};
 use ltm::scene::Camera;
-
-/// The camera that a picture was rendered with, where its job states one.
-pub fn stated_camera(job: &Job) -> Option<Camera> {
-    Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
-}
 
 /// Position of a light's centre in pixels, also beside the picture and behind what hides it. `None` behind the eye, and
 /// for an environment, which has no centre.

@@ -7,12 +7,12 @@ use ltm::image::luminance;
 use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
 use ltm::look;
 use ltm::matrix::BlockId;
-use ltm::relight::CpuRelighter;
+use ltm::relight::{CpuRelighter, pixel_rows};
 use ltm_view::history::History;
 use ltm_view::looks::{self, Saved};
 use ltm_view::mixer::{Mix, Tint};
 use ltm_view::pattern::{Brush, Pattern};
-use ltm_view::reach::{TexelReach, per_light, pixel_rows};
+use ltm_view::reach::{TexelReach, per_light};
 use relight_source::{MemoryFactors, Recipe};
 
 /// Two lamps that make a group, a texelled panel, an environment: 1 + 1 + 6 + 8 columns.

@@ -10,7 +10,6 @@ use super::pattern_panel::pattern_editor;
 use super::selection::{reset_light, share_tint};
 use super::sun_panel::sun_of_several;
 use super::theme::{ACCENT, IDLE, WEAK, section, swatch};
-use crate::daylight::is_lit_by_daylight;
 use crate::mixer::{LightMix, STOPS_RANGE, Tint};
 use crate::photometry::{Quantity, mean_weight, quantities, stops_to};
 use ltm::image::{KELVIN_RANGE, decode_srgb};
@@ -45,7 +44,7 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
     if light.kind == LightKind::Sun {
         sun_of_several(ui, document, index);
     }
-    if is_lit_by_daylight(&light) {
+    if light.kind.is_daylight() {
         daylight_settings(ui, document);
     }
     if light.layout() != (1, 1) {

@@ -17,13 +17,12 @@ use super::surfaces_state::SurfacesState;
 use super::view_state::ViewState;
 use crate::mixer::Mix;
 use crate::panorama::LookAround;
-use crate::seen::stated_camera;
 use crate::shared_lights::{SharedLights, ViewLights};
 use crate::worker::{Means, PictureProgress, Session};
 use ltm::error::Result;
 use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
-use ltm::scene::Projection;
+use ltm::scene::{Camera, Projection};
 
 pub(super) struct OpenView {
     /// What its tab is called.
@@ -74,7 +73,7 @@ impl OpenView {
         let lighting = Arc::new(lights.mix(mix).lighting(session.basis())?);
         let shape = session.container.shape();
         // By its camera; where none is stated, one can look around in a picture of the right shape.
-        let stated = stated_camera(session.container.job()).map(|camera| camera.projection == Projection::Panorama);
+        let stated = Camera::of_job(session.container.job()).map(|camera| camera.projection == Projection::Panorama);
         let may_be = stated.unwrap_or(shape.width() == 2 * shape.height());
         let look = may_be.then(LookAround::default);
         Ok(Self {

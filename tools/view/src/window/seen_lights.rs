@@ -7,7 +7,7 @@ use super::open_view::OpenView;
 use super::pattern_editor::PatternEditorState;
 use super::theme::ACCENT;
 use crate::mixer::Mix;
-use crate::seen::{lights_within, position, stated_camera};
+use crate::seen::{lights_within, position};
 use crate::sun::{PlacedSun, choose_sun, suns};
 use crate::worker::Session;
 use ltm::light::{LightBasis, LightKind};
@@ -27,7 +27,7 @@ pub(super) struct SeenSun {
 
 /// The camera that the picture was rendered with.
 fn camera(session: &Session) -> Option<Camera> {
-    stated_camera(session.container.job())
+    Camera::of_job(session.container.job())
 }
 
 /// Whether places of the picture say directions: not without a camera, nor with an orthographic one, of which all have the same.

@@ -292,8 +292,7 @@ fn write_rank_map(path: &Path, container: &ContainerReader) -> Result<()> {
     let mut map = LinearImage::black(shape.width(), shape.height());
     for (i, pixel) in map.pixels.iter_mut().enumerate() {
         let (x, y) = (i as u32 % shape.width(), i as u32 / shape.width());
-        let id = block_at(shape, x / shape.block_side(), y / shape.block_side());
-        *pixel = [id.map_or(0.0, |id| container.rank(id) as f32); 3];
+        *pixel = [shape.block_at(x, y).map_or(0.0, |(id, _)| container.rank(id) as f32); 3];
     }
     let largest = map.values().iter().copied().fold(1.0, f32::max);
     // Shades from half a rank up, so that rank 0 alone is black.
