@@ -42,11 +42,7 @@ impl Dimming {
         let refuse = |problem: &str| Err(Error::input(format!("'{text}'"), problem, FORM));
         let mut words: Vec<&str> = text.split(',').map(str::trim).collect();
         let goes_off = words.pop_if(|word| word.eq_ignore_ascii_case("off")).is_some();
-        let number = |at: usize, units: &[&str]| {
-            let word = words.get(at)?.to_ascii_lowercase();
-            let digits = units.iter().find_map(|unit| word.strip_suffix(unit));
-            digits.and_then(|digits| digits.trim_end().parse::<f64>().ok())
-        };
+        let number = |at: usize, units: &[&str]| number_with_unit(words.get(at)?, units);
         let (set_point, full_watts) = (number(0, &["lx", "lux"]), number(1, &["w"]));
         let (Some(set_point), Some(full_watts)) = (set_point, full_watts) else {
             return refuse("has no set point in lx and power in W");
@@ -107,6 +103,12 @@ impl Dimming {
     }
 }
 
+/// Reads a number with one of these units behind it, which are written in small letters, such as `500lx` or `500 Lux`.
+pub fn number_with_unit(text: &str, units: &[&str]) -> Option<f64> {
+    let text = text.to_ascii_lowercase();
+    units.iter().find_map(|unit| text.strip_suffix(unit))?.trim_end().parse().ok()
+}
+
 /// The shares of full light at which zones settle whose sensors see the lamps of all: `daylight` has the lux at each sensor, `full` for
 /// each sensor the lux by the lamps of each zone at full light. Also whether they settle at all.
 ///
@@ -115,7 +117,7 @@ impl Dimming {
 ///
 /// # Panics
 /// If the numbers of zones, sensors and lamps differ.
-pub fn settled_light(zones: &[Dimming], daylight: &[f64], full: &[Vec<f64>]) -> (Vec<f64>, bool) {
+pub fn settled_light(zones: &[Dimming], daylight: &[f64], full: &[&[f64]]) -> (Vec<f64>, bool) {
     assert!(daylight.len() == zones.len() && full.len() == zones.len(), "a sensor for each zone");
     let mut light = vec![0.0; zones.len()];
     for _ in 0..MAX_ROUNDS {
@@ -228,7 +230,7 @@ mod tests {
     #[test]
     fn zones_settle_where_their_equations_are_solved() {
         let zones = [dimming("500lx,1W"); 2];
-        let full = [vec![600.0, 100.0], vec![100.0, 600.0]];
+        let full: [&[f64]; 2] = [&[600.0, 100.0], &[100.0, 600.0]];
         for (d, e) in [(0.0, 0.0), (100.0, 200.0), (300.0, 0.0)] {
             let (light, is_settled) = settled_light(&zones, &[d, e], &full);
             let wanted = [600.0 * (500.0 - d) - 100.0 * (500.0 - e), 600.0 * (500.0 - e) - 100.0 * (500.0 - d)];
@@ -238,7 +240,7 @@ mod tests {
         }
         // Where the first has enough, the second sees its own light alone; where lamps do not suffice, they are at full light.
         assert_eq!(settled_light(&zones, &[900.0, 200.0], &full).0, [0.0, 0.5]);
-        assert_eq!(settled_light(&zones, &[0.0, 0.0], &[vec![200.0, 0.0], vec![0.0, 300.0]]).0, [1.0, 1.0]);
+        assert_eq!(settled_light(&zones, &[0.0, 0.0], &[&[200.0, 0.0], &[0.0, 300.0]]).0, [1.0, 1.0]);
     }
 
     /// By hand: 2 h at full light, 1 h at half, 4 h at none, of 100 W.

@@ -34,7 +34,7 @@ mod sun;
 pub use calendar::DAYS_BEFORE_MONTH;
 pub use cie::CieSky;
 pub use climate::{Climate, ClimateStep, Measured};
-pub use dimming::{Dimming, LampYear, settled_light};
+pub use dimming::{Dimming, LampYear, number_with_unit, settled_light};
 pub use eye_picture::{GlareOptions, GlareSource, SeenGlare, SeenPoint, points_of_picture, position_index};
 pub use glare::{EyeGlare, GLARE_CLASSES, GLARE_LIMITS, glare_limits_lux, simplified_glare_probability};
 pub use measures::{ANNUAL_MEASURES, AnnualMeasures, EN_17037, HourSums, SpatialMeasures, Thresholds};

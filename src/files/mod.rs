@@ -20,6 +20,7 @@
 
 mod access;
 mod continuation;
+mod csv;
 mod input;
 mod lock;
 mod names;
@@ -30,6 +31,7 @@ mod system;
 
 pub use access::{FileAccess, LIBRARY_VARIABLE, library_folder};
 pub use continuation::ContinuationFile;
+pub use csv::{csv_field, csv_quoted};
 pub use input::{open_input, read_input, read_input_text};
 pub use lock::{open_locked, tell_missing_locks};
 pub use names::{check_output, folder_of, natural_order, sync_folder, with_suffix};

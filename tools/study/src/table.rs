@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use ltm::files::csv_field;
+
 /// One value.
 #[derive(Clone, Debug)]
 pub(super) enum Cell {
@@ -92,8 +94,7 @@ impl Table {
             let cells: Vec<String> = row
                 .iter()
                 .map(|cell| match cell {
-                    Cell::Text(text) if text.contains([',', '"']) => format!("\"{}\"", text.replace('"', "\"\"")),
-                    Cell::Text(text) => text.clone(),
+                    Cell::Text(text) => csv_field(text).into_owned(),
                     Cell::Number(number) => format!("{number}"),
                     Cell::Missing => String::new(),
                 })

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::display::Shown;
 use super::surfaces::Surfaces;
 use ltm::error::Result;
+use ltm::files::csv_field;
 use ltm::image::{LinearImage, encode_srgb, false_colour, luminance};
 
 /// The quantity that is measured.
@@ -293,11 +294,7 @@ pub fn coloured(field: &Field, scale: Scale) -> Result<Shown> {
 pub fn csv(rows: &[Vec<String>]) -> String {
     let mut text = String::new();
     for row in rows {
-        let cell = |cell: &String| match cell.contains([',', '"', '\n', '\r']) {
-            true => format!("\"{}\"", cell.replace('"', "\"\"")),
-            false => cell.clone(),
-        };
-        let cells: Vec<String> = row.iter().map(cell).collect();
+        let cells: Vec<_> = row.iter().map(|cell| csv_field(cell)).collect();
         // A string takes all that is written to it.
         let _ = write!(text, "{}\r\n", cells.join(","));
     }

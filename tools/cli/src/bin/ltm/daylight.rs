@@ -57,14 +57,14 @@ pub(crate) struct Daylight {
     blinds: Option<PathBuf>,
     /// When blinds are closed: [GRID,]LUX,SHARE where direct sun is above LUX on more than a share of the sensors, or GRID:SENSOR,LUX where a
     /// sensor has more [default: 1000lx,2% of each grid itself].
-    #[arg(long, value_name = "RULE", value_parser = parse_rule, requires = "blinds")]
+    #[arg(long, value_name = "RULE", requires = "blinds")]
     close: Option<Rule>,
     /// A grid whose sensors are eyes: glare at them by the simplified daylight glare probability; several by an option each.
     #[arg(long, value_name = "GRID")]
     eyes: Vec<String>,
     /// Lamps that a sensor dims to a set point, LAMPS=GRID:SENSOR,SETPOINT,POWER[,LEAST[,POWER THERE]][,off], such as
     /// 'desk-lamps=desk:5,500lx,120W,10%,30W'; several by an option each. lamps.csv has their electric energy.
-    #[arg(long = "dim", value_name = "ZONE", value_parser = parse_zone)]
+    #[arg(long = "dim", value_name = "ZONE")]
     zones: Vec<Zone>,
     /// Write all hours too: -hours.npy [places, steps], for grids Radiance's .ill, of --dim lamps-hours.csv, of --blinds blinds-hours.csv.
     #[arg(long)]
@@ -103,14 +103,6 @@ fn parse_months(text: &str) -> Result<(u8, u8), String> {
     Schedule::default().in_months(first, last).map(|_| (first, last)).map_err(|error| error.to_string())
 }
 
-fn parse_rule(text: &str) -> Result<Rule, String> {
-    text.parse().map_err(|error: Error| error.to_string())
-}
-
-fn parse_zone(text: &str) -> Result<Zone, String> {
-    text.parse().map_err(|error: Error| error.to_string())
-}
-
 pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
     let climate = Climate::read(&options.climate)?;
     climate.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
@@ -129,10 +121,9 @@ pub(crate) fn run(options: &Daylight, console: &Console) -> Result<()> {
         names.iter().map(|name| render::view_of(options, (file, folder), (name, &names), console)).collect()
     };
     let rule = options.close.clone().unwrap_or_default();
-    names
-        .iter()
-        .filter(|_| options.blinds.is_some())
-        .try_for_each(|name| rule.decider(name, &names, &options.eyes).map(|_| ()))?;
+    if options.blinds.is_some() {
+        names.iter().try_for_each(|name| rule.decider(name, &names, &options.eyes).map(|_| ()))?;
+    }
     let mut views = of_file(&options.input, &options.output)?;
     if let Some(blinds) = &options.blinds {
         let closed = of_file(blinds, &options.output.join("closed"))?;

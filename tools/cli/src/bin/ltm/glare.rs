@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::daylight::{GLARE_CLASSES, GLARE_LIMITS, GlareOptions, GlareSource, SeenGlare, points_of_picture};
-use ltm::files::write_file;
+use ltm::files::{csv_quoted, write_file};
 use ltm::image::read_image;
 use ltm::resources::Progress;
 use ltm::{Error, Result};
@@ -61,8 +61,7 @@ pub(crate) fn run(options: &Glare, console: &Console) -> Result<()> {
         if *eye_lux < LEAST.0 || *probability < LEAST.1 {
             console.note(&format!("warning: {place}: DGP was found above 380 lx at the eye and from 0.2 on"));
         }
-        let quoted = format!("\"{}\"", place.replace('"', "\"\""));
-        let _ = write!(table, "{quoted},{probability:.4},{class},{eye_lux:.1},{}", sources.len());
+        let _ = write!(table, "{},{probability:.4},{class},{eye_lux:.1},{}", csv_quoted(&place), sources.len());
         let _ = match sources.first() {
             Some(GlareSource { luminance, solid_angle, position_index, .. }) => {
                 writeln!(table, ",{luminance:.1},{solid_angle:.6},{position_index:.4}")

@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::str::FromStr;
 
-use ltm::daylight::Climate;
-use ltm::files::write_file;
+use ltm::daylight::{Climate, number_with_unit};
+use ltm::files::{csv_field, write_file};
 use ltm::pipeline::{self, DaylightOptions, SunLimit};
 use ltm::{Error, Result};
 
-use super::view::{CAMERA, OpenMatrix, Places, SensorName, View, ViewBlinds, field};
+use super::view::{CAMERA, OpenMatrix, Places, SensorName, View, ViewBlinds, in_quotes};
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -37,9 +37,7 @@ impl FromStr for Rule {
             Error::input(format!("'{text}'"), "does not say when blinds close", hint)
         };
         let number = |word: &str, units: &[&str]| {
-            let word = word.to_ascii_lowercase();
-            let digits = units.iter().find_map(|unit| word.strip_suffix(unit))?;
-            digits.trim_end().parse().ok().filter(|value: &f64| *value >= 0.0 && value.is_finite())
+            number_with_unit(word, units).filter(|value| *value >= 0.0 && value.is_finite())
         };
         let lux = |word: &str| number(word, &["lx", "lux"]).map(|lux| lux as f32).ok_or_else(refuse);
         let words: Vec<&str> = text.split(',').map(str::trim).collect();
@@ -61,10 +59,7 @@ impl Rule {
     /// named and there are several.
     pub(super) fn decider(&self, name: &str, names: &[&str], eyes: &[String]) -> Result<usize> {
         let at = |wanted: &str| names.iter().position(|name| *name == wanted);
-        let refuse = |problem: &str| {
-            let quoted: Vec<String> = names.iter().map(|name| format!("'{name}'")).collect();
-            Err(Error::input("--close", problem, format!("name one of {}", quoted.join(", "))))
-        };
+        let refuse = |problem: &str| Err(Error::input("--close", problem, format!("name one of {}", in_quotes(names))));
         let is_grid = |name: &str| name != CAMERA && !eyes.iter().any(|eyes| eyes == name);
         let grids: Vec<usize> = (0..names.len()).filter(|view| is_grid(names[*view])).collect();
         match self {
@@ -164,7 +159,7 @@ pub(super) fn close(
 pub(super) fn write_hours(path: &Path, views: &[View], climate: &Climate) -> Result<()> {
     let mut text = "month,day,hour".to_owned();
     let views: Vec<_> = views.iter().filter_map(|view| Some((&view.name, view.blinds.as_ref()?))).collect();
-    views.iter().for_each(|(name, _)| text += &format!(",{}", field(name)));
+    views.iter().for_each(|(name, _)| text += &format!(",{}", csv_field(name)));
     text.push('\n');
     for (at, step) in climate.steps.iter().enumerate() {
         let _ = write!(text, "{},{},{:.3}", step.month, step.day, step.hour);

@@ -5,14 +5,14 @@ use std::path::Path;
 use std::str::FromStr;
 
 use ltm::daylight::{Climate, Dimming, LampYear, settled_light};
-use ltm::files::write_file;
+use ltm::files::{csv_field, write_file};
+use ltm::light::Job;
 use ltm::light::names::{meant, suggest};
-use ltm::light::{Job, Light, LightKind};
 use ltm::pipeline::{self, DaylightOptions, SensorYear};
 use ltm::resources::Progress;
 use ltm::{Error, Result};
 
-use super::view::{OpenMatrix, SensorName, View, ViewBlinds, field};
+use super::view::{OpenMatrix, SensorName, View, ViewBlinds};
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -48,8 +48,7 @@ impl Zone {
         if found.is_empty() {
             return Err(Error::input(place(), "no light is called so", suggest(&self.lamps, names())));
         }
-        let is_sky = |light: &Light| light.kind.is_environment() || matches!(light.kind, LightKind::Suns { .. });
-        match found.iter().map(|&light| &lights[light]).find(|light| is_sky(light)) {
+        match found.iter().map(|&light| &lights[light]).find(|light| light.kind.is_daylight()) {
             Some(sky) => Err(Error::input(place(), format!("'{}' is daylight and no lamp", sky.name), "name lamps")),
             None => Ok(found),
         }
@@ -143,17 +142,17 @@ pub(super) fn dim(
     let seen = seen(zones, views, climate, asked, console)?;
     let dimmings: Vec<Dimming> = zones.iter().map(|zone| zone.dimming).collect();
     let mut years = vec![LampYear::default(); zones.len()];
-    let (mut unsettled, mut hours) = (0, format!("month,day,hour{}\n", hour_columns(zones)));
+    let (mut unsettled, mut hours) = (0, hourly.then(|| format!("month,day,hour{}\n", hour_columns(zones))));
     for (at, step) in climate.steps.iter().enumerate() {
         let is_used = asked.schedule.holds(step);
-        let full: Vec<Vec<f64>> = seen.iter().map(|zone| zone.full_at(at).to_vec()).collect();
+        let full: Vec<&[f64]> = seen.iter().map(|zone| zone.full_at(at)).collect();
         let daylight: Vec<f64> = seen.iter().map(|zone| f64::from(zone.year.daylight[at])).collect();
         let (light, is_settled) = match is_used {
             true => settled_light(&dimmings, &daylight, &full),
             false => (vec![0.0; zones.len()], true),
         };
         unsettled += usize::from(!is_settled);
-        let _ = write!(hours, "{},{},{:.3}", step.month, step.day, step.hour);
+        let mut of_zones = String::new();
         for (zone, dimming) in dimmings.iter().enumerate() {
             let by_lamps: f64 = full[zone].iter().zip(&light).map(|(full, light)| full * light).sum();
             let mut watts = 0.0;
@@ -161,16 +160,18 @@ pub(super) fn dim(
                 years[zone].add(dimming, light[zone], daylight[zone] + by_lamps, climate.step_hours());
                 watts = dimming.watts(light[zone]);
             }
-            let _ = write!(hours, ",{:.1},{:.1},{:.2},{watts:.2}", daylight[zone], by_lamps, 100.0 * light[zone]);
+            let _ = write!(of_zones, ",{:.1},{:.1},{:.2},{watts:.2}", daylight[zone], by_lamps, 100.0 * light[zone]);
         }
-        hours.push('\n');
+        if let Some(hours) = &mut hours {
+            let _ = writeln!(hours, "{},{},{:.3}{of_zones}", step.month, step.day, step.hour);
+        }
     }
     if unsettled > 0 {
         let text =
             "zones see so much of each other's lamps that they do not settle; each sensor wants to be below its own";
         console.note(&format!("warning: --dim: at {unsettled} steps {text}"));
     }
-    if hourly {
+    if let Some(hours) = hours {
         write_file(&folder.join("lamps-hours.csv"), true, hours.as_bytes())?;
     }
     let table = folder.join("lamps.csv");
@@ -217,7 +218,7 @@ fn told(zones: &[Zone], seen: &[SeenZone], years: &[LampYear], console: &Console
 fn hour_columns(zones: &[Zone]) -> String {
     let of = |zone: &Zone| {
         let columns = ["daylight_lx", "lamps_lx", "light_percent", "watts"];
-        columns.map(|column| format!(",{}", field(&format!("{} {column}", zone.lamps)))).concat()
+        columns.map(|column| format!(",{}", csv_field(&format!("{} {column}", zone.lamps)))).concat()
     };
     zones.iter().map(of).collect()
 }
@@ -228,7 +229,7 @@ fn table_of(zones: &[Zone], seen: &[SeenZone], years: &[LampYear]) -> String {
         saved_percent\n"
             .to_owned();
     for (at, (zone, year)) in zones.iter().zip(years).enumerate() {
-        let names = [&zone.lamps, &zone.sensor.to_string()].map(|name| field(name)).join(",");
+        let names = [&zone.lamps, &zone.sensor.to_string()].map(|name| csv_field(name)).join(",");
         let numbers = [
             zone.dimming.set_point,
             seen[at].full[0][at],

@@ -7,7 +7,7 @@ use ltm::pipeline::{self, DaylightYear};
 use ltm::resources::Progress;
 use ltm::{Error, Result};
 
-use super::view::{CAMERA, View};
+use super::view::{CAMERA, View, in_quotes};
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -17,8 +17,7 @@ const STEEP: f32 = 0.71;
 /// Checks that the eyes are views of sensors.
 pub(super) fn check_views(eyes: &[String], views: &[&str]) -> Result<()> {
     let refuse = |name: &str, problem: &str| {
-        let quoted: Vec<String> = views.iter().map(|view| format!("'{view}'")).collect();
-        Err(Error::input(format!("--eyes {name}"), problem, format!("the views are {}", quoted.join(", "))))
+        Err(Error::input(format!("--eyes {name}"), problem, format!("the views are {}", in_quotes(views))))
     };
     for name in eyes {
         match views.contains(&name.as_str()) {

@@ -123,8 +123,7 @@ impl SensorName {
     /// Which of the views has it. Errors: no view of that name; none is named, and there are several.
     pub(super) fn view_among(&self, names: &[&str]) -> Result<usize> {
         let refuse = |problem: &str| {
-            let quoted: Vec<String> = names.iter().map(|name| format!("'{name}'")).collect();
-            Err(Error::input(format!("sensor '{self}'"), problem, format!("the views are {}", quoted.join(", "))))
+            Err(Error::input(format!("sensor '{self}'"), problem, format!("the views are {}", in_quotes(names))))
         };
         match &self.view {
             Some(view) => names.iter().position(|name| name == view).map_or_else(|| refuse("is of no view here"), Ok),
@@ -144,10 +143,7 @@ impl SensorName {
     }
 }
 
-/// A name in a table, in quotes where it needs them.
-pub(super) fn field(name: &str) -> String {
-    match name.contains([',', '"', '\n']) {
-        true => format!("\"{}\"", name.replace('"', "\"\"")),
-        false => name.to_owned(),
-    }
+/// Names for a message.
+pub(super) fn in_quotes(names: &[&str]) -> String {
+    names.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ")
 }
