@@ -1,6 +1,8 @@
 //! Packing: stored and fused give the same bytes, a stopped pack goes on, memory and disk are kept, and the stated error
 //! is the real one.
 
+#[path = "pack/dark_lights.rs"]
+mod dark_lights;
 #[path = "pack/divided.rs"]
 mod divided;
 #[path = "pack/targets.rs"]

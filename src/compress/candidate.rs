@@ -47,7 +47,7 @@ pub struct CandidateSummary {
     pub noise_quartile_ratio: f32,
     /// Energy of the noise of the whole block, in the units of `gains`; 0 if unknown.
     pub noise_energy: f32,
-    /// Mean square of each component's row of `R`.
+    /// Mean square of each component's row of `R`, each column weighed by the diagonal of `K`.
     pub right_mean_square: Vec<f32>,
     /// Weighted energy outside all components.
     pub tail: f32,

@@ -330,8 +330,8 @@ impl Compressor {
         let sparse_gain: Vec<f32> =
             sparse.iter().map(|e| e.value * e.value * self.plan.variances[e.column.index()]).collect();
         let mean_square = |k: usize| {
-            let row = &range.right[k * n..][..n];
-            row.iter().map(|v| v * v).sum::<f32>() / n as f32
+            let row = range.right[k * n..][..n].iter().zip(&self.plan.variances);
+            row.map(|(v, weight)| v * v * weight).sum::<f32>() / n as f32
         };
         let rank = range.gains.len();
         let unknown = || vec![0.0; rank];

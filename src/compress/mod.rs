@@ -60,4 +60,4 @@ pub use size::cut_of_size;
 
 /// Version of the compressor's results and of the encoding of factors. Every container and every interrupted pack names
 /// it, so that blocks of two versions are never mixed. Raise it with every change of either.
-pub const COMPRESSOR_VERSION: u32 = 7;
+pub const COMPRESSOR_VERSION: u32 = 8;

@@ -400,12 +400,30 @@ impl DenoisedSource {
             let images = tile_means(&floats(&bytes), (rect.width as usize, rect.height as usize));
             let of_cluster = images.chunks_exact(images.len() / self.clusters);
             let light = of_cluster.map(|image| image.iter().map(|&v| f64::from(v)).sum()).collect();
-            sums.push(DenoisedBlockSums { light, errors: errors.unwrap_or_default() });
+            let roots = self.roots_of_light(&images);
+            sums.push(DenoisedBlockSums { light, roots, errors: errors.unwrap_or_default() });
             if let Some(tiles) = &mut tiles {
                 self.add_tiles(tiles, &images, &self.gathering.tiles(id)?, mean);
             }
         }
         Ok(WindowSums { blocks: sums, tiles })
+    }
+
+    /// For each group of lights, and at last for all, the sum of the roots of the light of a block's tiles.
+    fn roots_of_light(&self, images: &[f32]) -> Vec<f64> {
+        let groups = self.groups.count();
+        let of_image = images.len() / self.clusters;
+        let tiles = of_image / CHANNELS;
+        let mut light = vec![0.0f32; (groups + 1) * tiles];
+        for (image, &group) in images.chunks_exact(of_image).zip(self.groups.of_cluster()) {
+            for channel in image.chunks_exact(tiles) {
+                for sums in [usize::from(group), groups] {
+                    light[sums * tiles..][..tiles].iter_mut().zip(channel).for_each(|(sum, value)| *sum += value);
+                }
+            }
+        }
+        let root = |&value: &f32| f64::from(value.max(0.0)).sqrt();
+        light.chunks_exact(tiles).map(|light| light.iter().map(root).sum()).collect()
     }
 
     /// Adds the tiles of a block to the fit: of its cluster images and of all columns.

@@ -14,6 +14,8 @@ use crate::matrix::MatrixShape;
 pub(crate) struct DenoisedBlockSums {
     /// For each cluster the sum of its tiles.
     pub(super) light: Vec<f64>,
+    /// For each group of lights, and at last for all, the sum of the roots of its tiles.
+    pub(super) roots: Vec<f64>,
     /// For each group of lights; none where images were denoised elsewhere.
     pub(super) errors: Vec<ErrorSums>,
 }
@@ -32,9 +34,9 @@ pub(crate) struct WindowSums {
 pub(crate) struct PictureFit {
     /// `R`: clusters × columns, row-major.
     pub(crate) map: Vec<f32>,
-    /// Share of each light in the mean of the picture with all columns on (decision 73), see
+    /// Brightness of each light's picture over that of all columns on: the square of the mean root of light, see
     /// [`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone).
-    pub(crate) shares: Vec<f64>,
+    pub(crate) brightness: Vec<f64>,
     /// The errors of denoising, of all images of lights together and of each light; `None` if the images came from elsewhere.
     pub(crate) errors: Option<(DenoiseErrors, Vec<DenoisedLight>)>,
 }
@@ -82,10 +84,12 @@ impl PictureSums {
         let mut sums = Vec::with_capacity(blocks.min(bytes.len()));
         for _ in 0..blocks {
             let (light, rest) = bytes.split_at_checked(size_of::<f64>() * clusters)?;
+            let (roots, rest) = rest.split_at_checked(size_of::<f64>() * (groups + 1))?;
             let (errors, rest) = rest.split_at_checked(size_of::<ErrorSums>() * groups)?;
-            let light = light.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect();
+            let [light, roots] = [light, roots]
+                .map(|values| values.chunks_exact(size_of::<f64>()).map(bytemuck::pod_read_unaligned).collect());
             let errors = errors.chunks_exact(size_of::<ErrorSums>()).map(bytemuck::pod_read_unaligned).collect();
-            sums.push(DenoisedBlockSums { light, errors });
+            sums.push(DenoisedBlockSums { light, roots, errors });
             bytes = rest;
         }
         let tiles = match clusters < columns {
@@ -103,7 +107,26 @@ impl PictureSums {
             Some(tiles) => tiles.fit(&self.partition),
             None => identity(self.partition.count(), columns),
         };
-        PictureFit { shares: self.shares(basis, &map), errors: self.errors(), map }
+        PictureFit { brightness: self.brightness(basis, &map), errors: self.errors(), map }
+    }
+
+    /// Displays show about a root of radiance, so that of a light which is bright in one corner the rest of its picture counts
+    /// (decision 73). Lights of one group share its brightness by their means.
+    fn brightness(&self, basis: &LightBasis, map: &[f32]) -> Vec<f64> {
+        let (groups, of_light) = (self.groups.count(), self.groups.of_light());
+        let mut roots = vec![0.0f64; groups + 1];
+        for block in self.blocks.iter().flatten() {
+            roots.iter_mut().zip(&block.roots).for_each(|(sum, root)| *sum += root);
+        }
+        let means = self.shares(basis, map);
+        let mut of_group = vec![0.0f64; groups];
+        of_light.iter().zip(&means).for_each(|(&group, mean)| of_group[usize::from(group)] += mean);
+        let all = roots[groups].max(f64::MIN_POSITIVE);
+        let brightness = of_light.iter().map(|&group| usize::from(group)).zip(means).map(|(group, mean)| {
+            let of_its_group = mean / of_group[group].max(f64::MIN_POSITIVE);
+            (roots[group] / all).powi(2) * of_its_group
+        });
+        brightness.collect()
     }
 
     /// Share of each light in the mean of the picture with all columns on.
@@ -141,13 +164,14 @@ impl PictureSums {
 }
 
 impl WindowSums {
-    /// Encodes the sums, in the machine's byte order, for a program of this version: of each block the light of its clusters
-    /// and the errors of its groups; then those of the tiles.
+    /// Encodes the sums, in the machine's byte order, for a program of this version: of each block the light of its clusters, the roots of
+    /// its groups and their errors; then those of the tiles.
     #[cfg(feature = "scene")]
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         for block in &self.blocks {
             bytes.extend_from_slice(bytemuck::cast_slice(&block.light));
+            bytes.extend_from_slice(bytemuck::cast_slice(&block.roots));
             bytes.extend_from_slice(bytemuck::cast_slice(&block.errors));
         }
         if let Some(tiles) = &self.tiles {

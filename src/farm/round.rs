@@ -99,7 +99,7 @@ pub(super) struct GuideTerms {
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub(super) struct FitTerms {
     pub(super) map: Vec<f32>,
-    pub(super) shares: Vec<f64>,
+    pub(super) brightness: Vec<f64>,
     pub(super) errors: Option<(DenoiseErrors, Vec<DenoisedLight>)>,
 }
 

@@ -222,8 +222,8 @@ impl FarmJob {
             Round::Trace if self.denoises() => {
                 self.guides(&names, depot, watch).map(|guides| reduction.guides = Some(guides))
             }
-            Round::Clean => self.fit(&names, depot, watch).map(|PictureFit { map, shares, errors }| {
-                reduction.fit = Some(FitTerms { map, shares, errors });
+            Round::Clean => self.fit(&names, depot, watch).map(|PictureFit { map, brightness, errors }| {
+                reduction.fit = Some(FitTerms { map, brightness, errors });
             }),
             _ => {
                 let unit = Unit {

@@ -138,7 +138,7 @@ impl Unit<'_> {
         let Terms { job, options, .. } = self.terms;
         let plan = plan_of(job, options)?;
         Ok(match &self.reduction.fit {
-            Some(fit) => plan.for_lights_alone(&job.basis, &fit.shares),
+            Some(fit) => plan.for_lights_alone(&job.basis, &fit.brightness),
             None => plan,
         })
     }

@@ -21,8 +21,8 @@ const WHITE_TIMES_COLUMNS: f64 = 2.0;
 const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 /// Columns of the factor; what it does not reach is counted as independent.
 const FACTOR_WIDTH: usize = 128;
-/// Share of a light in the image with all on below which its own image is not exposed any brighter.
-const MIN_SHARE: f64 = 1e-3;
+/// Share of a light in the image with all on below which its own image is not exposed any brighter: a street lamp by day has 10⁻⁴.
+const MIN_SHARE: f64 = 1e-5;
 /// Number of lamps that a textured light counts for if each light alone is weighted. It is above 1 because users paint
 /// textured lights instead of switching them. Tuned: decision 37.
 const PAINTED: f64 = 4.0;
@@ -83,7 +83,7 @@ impl LightingPrior {
 
     /// The prior with each light alone added, exposed as all of them together are. An image under one lamp counts as
     /// much as one under all, however little of it is visible. A textured light alone gets every lighting of its
-    /// texels' prior. `shares` are the lights' shares of the mean image with all on. With a single light
+    /// texels' prior. `shares` are the lights' shares of the brightness of the image with all on. With a single light
     /// nothing changes.
     ///
     /// # Panics
@@ -96,7 +96,10 @@ impl LightingPrior {
         }
         let sites = sites(basis);
         // How much more a light counts by being alone; sites of a group of texels are those of one light.
-        let added: Vec<f64> = shares.iter().map(|share| share.max(MIN_SHARE).powi(-2) / lights.len() as f64).collect();
+        // A light that does not reach the image has no error there.
+        let of_share =
+            |&share: &f64| if share > 0.0 { share.max(MIN_SHARE).powi(-2) / lights.len() as f64 } else { 0.0 };
+        let added: Vec<f64> = shares.iter().map(of_share).collect();
         let mut painted = vec![0.0; sites.iter().map(|site| site.group as usize + 1).max().unwrap_or(0)];
         for (light, added) in lights.iter().zip(&added).filter(|(light, _)| light.places.len() > 1) {
             painted[sites[light.columns().start as usize].group as usize] = PAINTED * added;
@@ -393,6 +396,20 @@ mod tests {
         }
         // Of one light there is nothing to choose between.
         assert_eq!(LightingPrior::of_lights_alone(&panel(4, 4), &[1.0]), LightingPrior::of_basis(&panel(4, 4)));
+    }
+
+    /// A lamp in another room has no image to be seen alone.
+    #[test]
+    fn a_light_that_does_not_reach_the_image_takes_no_weight() {
+        let basis = with(&[("near", LightKind::Lamp), ("far", LightKind::Lamp), ("outside", LightKind::Lamp)]);
+        let weights = |outside: f64| {
+            let variances = LightingPrior::of_lights_alone(&basis, &[0.9, 0.1, outside]).variances();
+            [variances[0], variances[1], variances[2]]
+        };
+        let dark = weights(0.0);
+        assert!(dark[1] > 10.0 * dark[0] && dark[2] < dark[0], "{dark:?}");
+        let faint = weights(1e-3);
+        assert!(faint[2] > 1000.0 * faint[1], "{faint:?}");
     }
 
     /// Lights that are alike leave each other's covariance alone, and count alone as much as one among others.

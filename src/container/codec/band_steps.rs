@@ -6,8 +6,8 @@ use crate::container::layout::LightLayout;
 use crate::light::LightingPrior;
 use crate::matrix::cosines::ZONES;
 
-/// Bands are finer by at most this many half octaves: a step 1,024 times smaller.
-const FINEST: i32 = 20;
+/// Bands are finer or coarser by at most this many half octaves: a step 1,024 times smaller or larger.
+const MOST: i32 = 20;
 
 /// Step refinement of each band of a right factor relative to its component's step, in half octaves. An image of texels
 /// has ten bands, its zones of frequency; each light of one column is a band. Empty if all bands are alike.
@@ -15,13 +15,26 @@ const FINEST: i32 = 20;
 /// An error `e` of a band's coefficient changes images by `e² bᵀ K b` in the mean. `K = F Fᵀ + diag(d)` is the
 /// covariance of the prior's lightings, and `b` what the coefficient adds to the columns. So a band of mean weight `w`
 /// gets the component's step over `√w`. With one step for all bands, the sum over a panel's 1,024 texels would have 32
-/// times the error of a single lamp. Weights below 1 count as 1: decision 35.
+/// times the error of a single lamp. No band of texels counts less than their mean: decision 35.
 ///
 /// # Panics
 /// If the lights and the prior have different numbers of columns.
 pub fn band_steps(lights: &LightLayout, prior: &LightingPrior) -> Vec<i8> {
-    let finer = |weight: f64| (weight.log2().round() as i32).clamp(0, FINEST) as i8;
-    let finer: Vec<i8> = band_weights(lights, prior).into_iter().map(finer).collect();
+    let finer = |weight: f64| (weight.log2().round() as i32).clamp(-MOST, MOST) as i8;
+    let mut weights = band_weights(lights, prior);
+    let (variances, mut first) = (prior.variances(), 0);
+    let mut rest = weights.as_mut_slice();
+    for shape in right_shapes(lights) {
+        let bands;
+        (bands, rest) = rest.split_at_mut(shape.bands());
+        if shape.tile != 0 {
+            let of_light = &variances[first..][..shape.values()];
+            let mean = of_light.iter().map(|&v| f64::from(v)).sum::<f64>() / of_light.len() as f64;
+            bands.iter_mut().for_each(|weight| *weight = weight.max(mean));
+        }
+        first += shape.values();
+    }
+    let finer: Vec<i8> = weights.into_iter().map(finer).collect();
     if finer.iter().all(|&finer| finer == 0) { Vec::new() } else { finer }
 }
 
@@ -88,9 +101,10 @@ mod tests {
             weights[columns.clone()].fill((columns.len() as f64).sqrt().recip());
             prior.energy(&weights)
         };
-        let expected = [energy(0..64), energy(64..65), energy(65..66)].map(|energy| energy.log2().round().max(0.0));
+        let expected = [energy(0..64), energy(64..65), energy(65..66)].map(|energy| energy.log2().round());
         assert_eq!([finer[0], finer[10], finer[11]].map(f64::from), expected);
-        assert!(finer.len() == 12 && finer[0] > 0 && finer[11] > finer[10], "{finer:?}");
+        // A bright lamp beside a faint one is hardly exposed.
+        assert!(finer.len() == 12 && finer[0] > finer[9] && finer[10] < 0 && finer[11] > 0, "{finer:?}");
         assert!(band_steps(&LightLayout::of(&basis), &LightingPrior::flat(66)).is_empty());
     }
 

@@ -355,7 +355,7 @@ impl Packing {
         }
         let fit = denoised.fit(&self.job, watch)?;
         self.denoising = fit.errors;
-        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &fit.shares).for_blocks()?);
+        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &fit.brightness).for_blocks()?);
         let stage = JobStage { name: "analysing", work_unit: "B" };
         let packed = self.compress(first_pass, stage, watch, |id, block| {
             denoised.read_block(id, block)?;

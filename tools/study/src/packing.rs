@@ -33,11 +33,11 @@ const FULL: &[Packing] = &[
 ];
 const DEFAULT: Packing = Packing { name: "default", target: Target::Automatic, rank: None };
 
-/// Hardly compressed: where no entry that matters is left out.
-const WHOLE: Packing = Packing { name: "whole", target: Target::PsnrDb(120.0), rank: Some(512) };
+/// Hardly compressed, by a slope at which every bit is worth its cost.
+const WHOLE: Packing = Packing { name: "whole", target: Target::Slope(1e-30), rank: Some(512) };
 
 const NOTE: &str = "Scenes and lightings as in `corpus.csv`, without those that the matrix itself hardly shows. Each default container, and some by \
-a PSNR, against the same denoised matrix hardly compressed (120 dB, rank 512). ꟻLIP and seams as `ltm study picture` has them.";
+a PSNR, against the same denoised matrix hardly compressed (rank 512, steps as fine as 16-bit floats). ꟻLIP and seams as `ltm study picture` has them.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let packings = if bench.quick { QUICK } else { FULL };
