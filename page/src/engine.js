@@ -188,16 +188,23 @@ export class Engine {
     return this.crew.probe(level, at(x), at(y), weights);
   }
 
-  /** Exposure, in stops, that brings the 85th percentile of luminance to 0.7, as the window does. @param {Float32Array} weights */
+  /**
+   * Exposure, in stops, that brings the 85th percentile of luminance to 0.7, as the window does. What is ten stops below the 99th percentile of
+   * all pixels, and black, does not count.
+   * @param {Float32Array} weights
+   */
   async exposureFor(weights) {
     const lists = await this.crew.luminances(this.isWhole(1) ? 1 : 0, weights);
     const all = new Float32Array(lists.reduce((sum, list) => sum + list.length, 0));
-    let count = 0;
-    for (const list of lists) {
-      for (const v of list) if (v > 0 && Number.isFinite(v)) all[count++] = v;
-    }
-    if (count === 0) return 0;
-    const bright = all.subarray(0, count).sort()[Math.floor(((count - 1) * 85) / 100)];
+    let at = 0;
+    for (const list of lists) for (const v of list) all[at++] = Number.isFinite(v) ? Math.max(v, 0) : 0;
+    all.sort();
+    const percentile = (/** @type {Float32Array} */ sorted, /** @type {number} */ percent) =>
+      sorted[Math.floor(((sorted.length - 1) * percent) / 100)] ?? 0;
+    const least = percentile(all, 99) / 1024;
+    const seen = all.subarray(all.findIndex((v) => v > 0 && v >= least));
+    const bright = percentile(seen, 85);
+    if (!(bright > 0)) return 0;
     return Math.min(Math.max(Math.log2(0.7 / bright), -24), 24);
   }
 }

@@ -42,8 +42,8 @@ pub use per_light::{FeaturePasses, GiveRow, LayerMatch, LayerPattern, LayerRole,
 pub use read::{decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
 pub use rgba::{ImageFacts, RgbaImage};
 pub use tone::{
-    LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, exposure_for, false_colour, false_colour_scale, write_png,
-    write_rgb_png, write_toned_png,
+    BLACK_BELOW, LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, exposure_for, false_colour, false_colour_scale,
+    write_png, write_rgb_png, write_toned_png,
 };
 pub use tone_tables::ToneTables;
 pub use value_map::{ValueScale, write_value_map};

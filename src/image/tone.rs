@@ -44,10 +44,11 @@ pub struct ToneMapping {
 }
 
 impl ToneMapping {
-    /// Exposed so that the 95th luminance percentile of `image` maps to `white`, before the curve.
+    /// Exposed so that the 95th luminance percentile of `image` maps to `white`, before the curve. What is black beside the rest
+    /// ([`BLACK_BELOW`]) does not count.
     #[must_use]
     pub fn auto_exposed(self, image: &LinearImage, white: f32) -> Self {
-        let level = percentile(image.luminances().collect(), 0.95).max(1e-12);
+        let level = percentile(not_black(image.luminances().collect()), 0.95).max(1e-12);
         Self { exposure_stops: self.exposure_stops + (white / level).log2(), ..self }
     }
 
@@ -171,13 +172,25 @@ pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
     std::array::from_fn(|i| (names[i], low * (high / low).powf(i as f32 / 6.0)))
 }
 
+/// Pixels below this part of the 99th percentile of all, ten stops, are black where the others are seen. In the picture of a lamp that lights a corner
+/// they are most, and hold what noise and packing have left there.
+pub const BLACK_BELOW: f32 = 1.0 / 1024.0;
+
+/// The values that are positive and not [`BLACK_BELOW`] beside the others.
+fn not_black(mut values: Vec<f32>) -> Vec<f32> {
+    values.iter_mut().for_each(|value| *value = if value.is_finite() { value.max(0.0) } else { 0.0 });
+    let least = BLACK_BELOW * percentile(values.clone(), 0.99);
+    values.retain(|&value| value > 0.0 && value >= least);
+    values
+}
+
 /// Exposure, in stops, that brings the 85th percentile of pixels' largest channels to 0.7, so that lamps in view do not
-/// darken the room. It is lower by at most one stop if more than a twentieth of the pixels would exceed white. Black
-/// pixels and missing parts do not count. 0 for a black image.
+/// darken the room. It is lower by at most one stop if more than a twentieth of the pixels would exceed white. Pixels that are black beside the
+/// others ([`BLACK_BELOW`]) and missing parts do not count. 0 for a black image.
 pub fn exposure_for(image: &LinearImage) -> f32 {
     // Luminance would leave coloured light burnt out: of pure blue it is a fourteenth of the channel.
     let peak = |pixel: &[f32; 3]| pixel.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let mut peaks: Vec<f32> = image.pixels.iter().map(peak).filter(|v| v.is_finite() && *v > 0.0).collect();
+    let mut peaks = not_black(image.pixels.iter().map(peak).collect());
     if peaks.is_empty() {
         return 0.0;
     }
@@ -271,6 +284,22 @@ mod tests {
         let warm = kelvin_to_linear(3000.0).map(|v| 0.3 * v);
         let balanced = ToneMapping { white_kelvin: Some(3000.0), ..Default::default() }.display(warm);
         assert!(balanced.iter().all(|v| (v - encode_srgb(0.3)).abs() < 1e-5), "{balanced:?}");
+    }
+
+    /// A lamp alone that lights a thirtieth of the picture: what is left elsewhere does not choose the exposure.
+    #[test]
+    fn a_lit_corner_is_exposed_for_itself() {
+        let lit = |i: usize| 0.1 + 0.001 * (i % 100) as f32;
+        let corner = |rest: &dyn Fn(usize) -> f32| {
+            let value = |i: usize| if i < 100 { lit(i) } else { rest(i) };
+            LinearImage { width: 100, height: 30, pixels: (0..3000).map(|i| [value(i); 3]).collect() }
+        };
+        let exposures =
+            |image: &LinearImage| [exposure_for(image), ToneMapping::default().auto_exposed(image, 1.0).exposure_stops];
+        let black = exposures(&corner(&|_| 0.0));
+        assert!(black.iter().all(|stops| (2.0..3.5).contains(stops)), "{black:?}");
+        let grain = exposures(&corner(&|i| if i % 3 == 0 { -1e-6 } else { 1e-6 + 1e-8 * i as f32 }));
+        assert_eq!(grain, black);
     }
 
     #[test]
