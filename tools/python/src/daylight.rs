@@ -2,18 +2,23 @@
 
 use std::path::Path;
 
-use ltm::daylight::{ANNUAL_MEASURES, Climate, Schedule, SkyOptions, Thresholds};
+use ltm::daylight::{
+    ANNUAL_MEASURES, Climate, GlareOptions, Schedule, SeenGlare, SkyOptions, Thresholds, points_of_picture,
+};
+use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::pipeline::{DaylightOptions, DaylightSource, DaylightYear, daylight, lighting_at};
 use ltm::resources::Progress;
 use ltm::scene::shows_irradiance;
 use ltm::{Error, Result};
-use numpy::PyArray1;
 use numpy::prelude::*;
+use numpy::{PyArray1, PyReadonlyArrayDyn};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
-use crate::matrix::Source;
+use crate::errors::unlocked;
+use crate::matrix::{Source, contiguous};
 
 /// What is asked of a year.
 #[derive(FromPyObject)]
@@ -71,6 +76,35 @@ pub(crate) fn year(
         Source::Matrix(matrix) => DaylightSource::Stored(matrix),
     };
     daylight(&source, place, &climate, &options, None, watch)
+}
+
+/// Glare in a picture of radiance (height × width × 3) that an eye sees, turned to the right and up: a dictionary. `what` names the picture in
+/// messages.
+#[pyfunction]
+pub(crate) fn glare<'py>(
+    py: Python<'py>,
+    picture: PyReadonlyArrayDyn<'py, f32>,
+    turn: [f64; 2],
+    threshold: f64,
+    what: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (&[height, width, _], (pixels, _)) = (picture.shape(), contiguous(&picture)?.as_chunks()) else {
+        return Err(PyValueError::new_err("the picture is not height × width × 3"));
+    };
+    let picture = LinearImage { width: width as u32, height: height as u32, pixels: pixels.to_vec() };
+    let seen = unlocked(py, || {
+        let points = points_of_picture(what, &picture, turn)?;
+        SeenGlare::of_points(&points, GlareOptions { threshold, ..GlareOptions::default() })
+    })?;
+    let sources = seen.sources.iter().map(|source| {
+        let direction = PyTuple::new(py, source.direction.to_array())?;
+        (direction, source.luminance, source.solid_angle, source.position_index).into_pyobject(py)
+    });
+    let said = PyDict::new(py);
+    said.set_item("probability", seen.probability)?;
+    said.set_item("eye_lux", seen.eye_lux)?;
+    said.set_item("sources", sources.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(said)
 }
 
 /// A year as a dictionary: the measures by name, height × width, with their units, and the measures of all places together.

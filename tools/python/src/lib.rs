@@ -22,6 +22,8 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _ltm {
     #[pymodule_export]
+    use super::daylight::glare;
+    #[pymodule_export]
     use super::errors::{DamagedError, NoGpuError};
     #[pymodule_export]
     use super::gpu::gpu;

@@ -236,7 +236,7 @@ fn denoise_errors<'py>(py: Python<'py>, errors: &DenoiseErrors) -> PyResult<Boun
 }
 
 /// An array of `f32` whose values lie one after the other in C order.
-fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, f32>) -> PyResult<&'a [f32]> {
+pub(crate) fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, f32>) -> PyResult<&'a [f32]> {
     if !array.is_c_contiguous() {
         return Err(PyValueError::new_err("the array is not contiguous in C order"));
     }

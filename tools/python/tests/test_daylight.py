@@ -63,3 +63,29 @@ def test_a_year_of_radiance_is_refused(ground, tmp_path):
     ltm.render(ltm.BuiltIn("diffuse", 16, 16, 2), tmp_path / "room.ltm", samples=2)
     with ltm.open(tmp_path / "room.ltm") as m, pytest.raises(ValueError, match="shows radiance"):
         m.daylight(ground / "city.wea")
+
+
+def test_glare_of_a_window_is_that_of_its_formula():
+    # A fisheye of even radiance but for a square of a brighter one, in the line of sight.
+    side, dim, bright = 256, 1.0, 40.0
+    picture = np.full((side, side, 3), dim, np.float32)
+    middle = slice(side // 2 - 8, side // 2 + 8)
+    picture[middle, middle] = bright
+    seen = ltm.glare(picture)
+    (source,) = seen.sources
+    assert source.luminance == pytest.approx(179 * bright, rel=1e-3) and source.position_index == pytest.approx(1, abs=0.1)
+    # Pixels are in proportion to angles, so that those of the middle have this solid angle.
+    solid_angle = 256 * (math.pi / side) ** 2
+    assert source.solid_angle == pytest.approx(solid_angle, rel=0.01)
+    lux = math.pi * 179 * dim + 179 * (bright - dim) * solid_angle
+    assert seen.eye_lux == pytest.approx(lux, rel=0.01)
+    of_source = source.luminance**2 * source.solid_angle / (seen.eye_lux**1.87 * source.position_index**2)
+    assert seen.probability == pytest.approx(5.87e-5 * seen.eye_lux + 9.18e-2 * math.log10(1 + of_source) + 0.16, rel=1e-3)
+    # Turned away from it, less.
+    panorama = np.full((128, 256, 3), dim, np.float32)
+    panorama[60:68, 124:132] = bright
+    assert ltm.glare(panorama, turn=(60, 0)).probability < ltm.glare(panorama).probability
+    with pytest.raises(ValueError, match="shape"):
+        ltm.glare(np.ones((4, 4)))
+    with pytest.raises(ValueError, match="picture"):
+        ltm.glare(np.ones((40, 60, 3)))

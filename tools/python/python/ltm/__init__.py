@@ -12,7 +12,7 @@ light (a lamp, a texel of an area light or of an environment). The image under a
 Images are linear Rec. 709, rows from the top. A column's weight is in the unit of its light (see ``Light.unit``).
 """
 
-from ._daylight import DaylightYear
+from ._daylight import DaylightYear, Glare, GlareSource, glare
 from ._lights import Light, Lights
 from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
 from ._make import (
@@ -40,6 +40,8 @@ __all__ = [
     "DamagedError",
     "DaylightYear",
     "Estimate",
+    "Glare",
+    "GlareSource",
     "Gpu",
     "Light",
     "Lights",
@@ -50,6 +52,7 @@ __all__ = [
     "RenderReport",
     "Verified",
     "__version__",
+    "glare",
     "gpu",
     "info",
     "merge",

@@ -1,4 +1,4 @@
-"""A year of daylight over a matrix."""
+"""A year of daylight over a matrix, and glare in pictures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from . import _ltm
+from ._lights import real_array
 
 
 @dataclass(frozen=True)
@@ -42,3 +45,44 @@ class DaylightYear:
         if self.sunlight_exposure is not None:
             spatial["sunlight_exposure"] = self.sunlight_exposure
         return xarray.Dataset(arrays, attrs=spatial)
+
+
+@dataclass(frozen=True)
+class GlareSource:
+    """A source of glare in a picture."""
+
+    #: Unit direction of its middle: to the right, up, and along the line of sight.
+    direction: tuple[float, float, float]
+    #: Mean luminance in cd/m².
+    luminance: float
+    #: In steradians.
+    solid_angle: float
+    #: How little it disturbs for where it stands: 1 in the line of sight.
+    position_index: float
+
+
+@dataclass(frozen=True)
+class Glare:
+    """Glare that an eye sees."""
+
+    #: The daylight glare probability DGP, found for 0.2 to 0.8 and above 380 lx at the eye.
+    probability: float
+    #: Illuminance across the line of sight in lux.
+    eye_lux: float
+    #: Sources of glare, the brightest for the eye first.
+    sources: tuple[GlareSource, ...]
+
+
+def glare(picture: ArrayLike, *, turn: tuple[float, float] = (0, 0), threshold: float = 2000) -> Glare:
+    """Glare in a picture of radiance, (height, width, 3), as ``ltm glare`` finds it: a square one is a fisheye of 180°, one twice as wide
+    as high a panorama, in which the eye is turned from the middle by ``turn`` degrees to the right and up. A pixel is part of a source
+    above ``threshold`` cd/m².
+
+    Raises ValueError for other shapes and for values that are not finite.
+    """
+    array = real_array(picture, "picture")
+    if array.ndim != 3 or array.shape[2] != 3:
+        raise ValueError(f"picture: has the shape {array.shape}; give (height, width, 3)")
+    right, up = turn
+    seen = _ltm.glare(np.ascontiguousarray(array), (right, up), threshold, "picture")
+    return Glare(**{**seen, "sources": tuple(GlareSource(*source) for source in seen["sources"])})
