@@ -54,7 +54,7 @@ fn ramp((from, to): (f32, f32), value: f32) -> f32 {
 }
 
 /// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
-pub const DENOISER_VERSION: u32 = 22;
+pub const DENOISER_VERSION: u32 = 23;
 
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;

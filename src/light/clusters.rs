@@ -2,8 +2,10 @@
 
 use super::{Light, LightBasis, LightKind};
 
-/// Up to this many columns are clusters of their own.
-const SINGLE_COLUMNS: usize = 32;
+/// Up to this many columns are clusters of their own. Tuned: decision 54.
+const SINGLE_COLUMNS: usize = 80;
+/// What [`SINGLE_COLUMNS`] was for the first planes of the format, and most clusters of a basis with more columns.
+const FIRST_SINGLE_COLUMNS: usize = 32;
 /// Up to this many lights that are known by their images alone are clusters of their own: there is no place to group them by.
 const SINGLE_IMAGES: usize = 256;
 /// Clusters of a basis with more columns, at most.
@@ -17,7 +19,7 @@ const ITERATIONS: usize = 32;
 
 /// A partition of the columns of a basis: `S`, the 0/1 matrix columns × clusters. It follows from the basis alone.
 ///
-/// At most 32 columns are each a cluster, and at most 256 lights that are known by their images alone. Of more, a light with texels is cut into nearly square rectangles of its grid,
+/// At most 80 columns are each a cluster, and at most 256 lights that are known by their images alone. Of more, a light with texels is cut into nearly square rectangles of its grid,
 /// larger lights into more of them; single lamps are grouped by place, suns by direction. The brightest texels of the scene's own
 /// lighting, such as the sun in an environment's map, are then clusters of their own, as far as there are clusters left.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -36,28 +38,37 @@ impl Clusters {
     /// Most clusters of any basis: lights that are known by their images alone.
     pub const MAX: usize = SINGLE_IMAGES;
     /// Most clusters of a basis of other lights.
-    pub const MAX_WITH_PLACES: usize = if SINGLE_COLUMNS > MAX_CLUSTERS { SINGLE_COLUMNS } else { MAX_CLUSTERS };
+    pub const MAX_WITH_PLACES: usize = SINGLE_COLUMNS;
 
     /// The clusters of a basis.
     pub fn of_basis(basis: &LightBasis) -> Self {
+        if basis.column_count() <= SINGLE_COLUMNS { Self::single(basis) } else { Self::by_place_and_brightness(basis) }
+    }
+
+    /// Whether earlier planes of the format had so many clusters of a basis: with 33 columns and more in groups, at first without any
+    /// for the brightest texels.
+    pub(crate) fn were(basis: &LightBasis, count: usize) -> bool {
+        [Self::by_place(basis), Self::by_place_and_brightness(basis)].iter().any(|clusters| clusters.count == count)
+    }
+
+    fn by_place_and_brightness(basis: &LightBasis) -> Self {
         let Self { mut of_column, count } = Self::by_place(basis);
         let bright = bright_columns(basis);
-        if basis.column_count() <= SINGLE_COLUMNS || bright.is_empty() {
+        if basis.column_count() <= FIRST_SINGLE_COLUMNS || bright.is_empty() {
             return Self { of_column, count };
         }
-        for (column, cluster) in bright.into_iter().zip(count..SINGLE_COLUMNS) {
+        for (column, cluster) in bright.into_iter().zip(count..FIRST_SINGLE_COLUMNS) {
             of_column[column] = cluster as u16;
         }
         let count = number_anew(&mut of_column);
         Self { of_column, count }
     }
 
-    /// The clusters of a basis as the first planes of the format had them: without any for the brightest texels.
-    pub(crate) fn by_place(basis: &LightBasis) -> Self {
+    fn by_place(basis: &LightBasis) -> Self {
         let columns = basis.column_count();
         let are_images = basis.lights().iter().all(|light| light.kind == LightKind::Image);
-        if columns <= if are_images { SINGLE_IMAGES } else { SINGLE_COLUMNS } {
-            return Self { of_column: (0..columns as u16).collect(), count: columns };
+        if columns <= if are_images { SINGLE_IMAGES } else { FIRST_SINGLE_COLUMNS } {
+            return Self::single(basis);
         }
         let mut of_column = vec![0; columns];
         let mut count = 0;
@@ -68,6 +79,12 @@ impl Clusters {
             }
         }
         Self { of_column: of_column.into_iter().map(|cluster| cluster as u16).collect(), count }
+    }
+
+    /// Every column by itself.
+    fn single(basis: &LightBasis) -> Self {
+        let count = basis.column_count();
+        Self { of_column: (0..count as u16).collect(), count }
     }
 
     /// Cluster of each column.
@@ -235,8 +252,10 @@ mod tests {
     fn few_columns_are_clusters_of_their_own() {
         let images = Clusters::of_basis(&basis((0..100).map(|i| (LightKind::Image, i as f32))));
         assert_eq!(images.of_column(), (0..100).collect::<Vec<_>>());
-        let clusters = Clusters::of_basis(&basis((0..32).map(|i| (LightKind::Point, i as f32))));
-        assert_eq!(clusters.of_column(), (0..32).collect::<Vec<_>>());
+        let clusters = Clusters::of_basis(&basis((0..80).map(|i| (LightKind::Point, i as f32))));
+        assert_eq!(clusters.of_column(), (0..80).collect::<Vec<_>>());
+        let sky = basis([(LightKind::LatLong { across: 8, down: 4 }, 0.0), (LightKind::Sun, 0.0)]);
+        assert_eq!((Clusters::of_basis(&sky).count(), Clusters::by_place(&sky).count()), (33, 17));
         assert_eq!(Clusters::of_basis(&LightBasis::new()).count(), 0);
     }
 
@@ -261,7 +280,7 @@ mod tests {
         assert_eq!((at(0, 0), at(7, 7), at(8, 7), at(0, 8), at(31, 31)), (0, 0, 1, 4, 15));
         let map = Clusters::of_basis(&basis([(LightKind::LatLong { across: 64, down: 16 }, 0.0)]));
         assert_eq!(sizes(&map), [64; 16], "8 × 2 tiles of 8 × 8 texels");
-        let strip = Clusters::of_basis(&basis([(LightKind::AreaTexels { across: 100, down: 1 }, 0.0)]));
+        let strip = Clusters::of_basis(&basis([(LightKind::AreaTexels { across: 200, down: 1 }, 0.0)]));
         assert_eq!(strip.count(), 16);
     }
 
@@ -280,17 +299,17 @@ mod tests {
 
     #[test]
     fn many_lamps_are_grouped_by_place_and_suns_apart() {
-        // Five heaps of twenty lamps, and three suns: heaps are never mixed while there are more clusters than heaps.
-        let lamps = (0..100).map(|i| (LightKind::Lamp, 100.0 * (i % 5) as f32 + 0.01 * i as f32));
+        // Five heaps of forty lamps, and three suns: heaps are never mixed while there are more clusters than heaps.
+        let lamps = (0..200).map(|i| (LightKind::Lamp, 100.0 * (i % 5) as f32 + 0.01 * i as f32));
         let suns = (0..3).map(|i| (LightKind::Sun, i as f32));
         let clusters = Clusters::of_basis(&basis(lamps.chain(suns)));
         sizes(&clusters);
-        for i in 0..100 {
+        for i in 0..200 {
             for j in 0..i {
                 let together = clusters.of_column()[i] == clusters.of_column()[j];
                 assert!(!together || i % 5 == j % 5, "lamps {i} and {j}");
             }
-            assert!((100..103).all(|sun| clusters.of_column()[i] != clusters.of_column()[sun]));
+            assert!((200..203).all(|sun| clusters.of_column()[i] != clusters.of_column()[sun]));
         }
     }
 
@@ -300,7 +319,7 @@ mod tests {
         let clusters = Clusters::of_basis(&basis(panels.chain([(LightKind::LatLong { across: 8, down: 4 }, 0.0)])));
         sizes(&clusters);
         assert!(clusters.count() > 8);
-        let heap = Clusters::of_basis(&basis((0..50).map(|_| (LightKind::Point, 1.0))));
-        assert_eq!(sizes(&heap), [50]);
+        let heap = Clusters::of_basis(&basis((0..150).map(|_| (LightKind::Point, 1.0))));
+        assert_eq!(sizes(&heap), [150]);
     }
 }

@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn lamps_that_share_a_cluster_share_a_group() {
         let mut basis = LightBasis::new();
-        for lamp in 0..100 {
+        for lamp in 0..200 {
             let mut light = Light::unplaced(format!("lamp {lamp}"), LightKind::Point);
             light.places[0][0] = lamp as f32;
             basis.push(light).unwrap();

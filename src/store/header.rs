@@ -216,7 +216,7 @@ impl UnverifiedHeader {
             return Err(damaged("the header and the job description differ in shape".into()));
         }
         let planes_known = has_planes && clusters as usize == Clusters::of_basis(&job.basis).count();
-        if has_planes && !planes_known && clusters as usize != Clusters::by_place(&job.basis).count() {
+        if has_planes && !planes_known && !Clusters::were(&job.basis, clusters as usize) {
             return Err(damaged("the header and the job description differ in clusters of columns".into()));
         }
         Ok(StoreHeader { layout, job, planes_known })

@@ -224,6 +224,9 @@ impl<S: Storage> StoreWriter<S> {
         if found.layout.precision != options.precision {
             return refuse(format!("is stored as {}, not {}", found.layout.precision, options.precision));
         }
+        if found.layout.has_planes() && !found.planes_known {
+            return refuse("sums its light over groups of columns as an earlier program did".to_owned());
+        }
         let layout = found.layout;
         let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
         if length != layout.file_bytes() {

@@ -22,7 +22,7 @@ pub fn passes_need_bytes(shape: MatrixShape) -> u64 {
 /// A matrix has the emission seen for each column, and direct and indirect light for each cluster of columns
 /// ([`Clusters`]). So emission is exact. The rest is split in the ratio of direct to indirect light of the clusters
 /// under the mean weights of their columns. That is exact to rounding if each cluster is lit evenly, as always with up
-/// to 32 columns, and an approximation otherwise.
+/// to 80 columns, and an approximation otherwise.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples; those of [`relight_matrix`].

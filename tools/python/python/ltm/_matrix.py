@@ -198,7 +198,7 @@ class Matrix:
         ``indirect`` (all else), float32 (height, width, 3), which sum up to :meth:`relight`. ``weights`` are as there.
 
         Emission is exact. The rest is shared out as it is for clusters of columns, each under the mean weight of its columns: exact
-        where each is lit evenly, as always with up to 32 columns, and near it otherwise.
+        where each is lit evenly, as always with up to 80 columns, and near it otherwise.
 
         Raises ValueError for a container, an import, a matrix of one sample, or several lightings; DamagedError; MemoryError.
         """
