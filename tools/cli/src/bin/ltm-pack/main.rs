@@ -234,6 +234,11 @@ fn pack_one(arguments: &Arguments, is_first: bool, console: &Console) -> Result<
             return Err(Error::input(*name, "is for images of single lights; a matrix has its own", "leave it out"));
         }
         let matrix = StoreReader::open(input)?;
+        if arguments.compression.denoise() && has_other_groups(&matrix)? {
+            console.note(
+                "warning: not denoised: an earlier program rendered this matrix, and grouped its columns in another way; render it again",
+            );
+        }
         return pack(&matrix, matrix.job(), &output, arguments, console);
     }
     let set = images.open(input)?;
@@ -281,6 +286,12 @@ fn pack_one(arguments: &Arguments, is_first: bool, console: &Console) -> Result<
         );
     }
     pack(&matrix, matrix.job(), &output, arguments, console)
+}
+
+/// Whether a matrix holds sums over its samples that are not used: those of other groups of columns than today's.
+fn has_other_groups(matrix: &StoreReader) -> Result<bool> {
+    let Some(first) = matrix.shape().blocks().find(|&id| matrix.is_committed(id)) else { return Ok(false) };
+    Ok(matrix.layout().has_planes() && matrix.read_planes(first, None)?.is_none())
 }
 
 /// The container beside the input: its name with the other extension; of a pattern, what stands before `{light}` or `*`.
