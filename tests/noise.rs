@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 const SIDE: usize = 16;
-const TEXELS: usize = 8;
+const TEXELS: usize = 9;
 const COLUMNS: usize = TEXELS * TEXELS;
 const ROWS: usize = 3 * SIDE * SIDE;
 /// What a pixel shows of a light in view.
