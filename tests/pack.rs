@@ -267,7 +267,7 @@ fn images_denoised_elsewhere_go_out_and_come_back() {
         assert!(!at("no.ltc").exists());
         error
     };
-    assert!(refused(&options("few.exr")).contains("layer basis.15 is missing"));
+    assert!(refused(&options("few.exr")).contains("layer basis.63 is missing"));
     assert!(refused(&options("nan.exr")).contains("not finite"));
     assert!(
         refused(&PackOptions { denoise: false, ..options("basis.exr") }).contains("is for a matrix that is denoised")
