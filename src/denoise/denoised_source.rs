@@ -40,8 +40,29 @@ use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Th
 /// Memory limit for the rows of a window that are held at once. A window of one block is filtered in any case.
 const WINDOW_BYTES: u64 = 512 << 20;
 
+/// Windows take at most this share of the memory that a job may take, in quarters. Narrower ones read more halo for the same pixels.
+const WINDOW_QUARTERS: u64 = 3;
+
 /// Number of blocks decoded in parallel.
 const BLOCKS_AT_HAND: u64 = 4;
+
+/// A job whose images are denoised.
+#[derive(Clone, Copy)]
+pub(crate) struct DenoisedJob<'a> {
+    pub(crate) job: &'a Job,
+    /// Limit of anonymous memory in bytes, if one was given: windows are narrower below it, with the same result.
+    pub(crate) memory_bytes: Option<u64>,
+}
+
+impl DenoisedJob<'_> {
+    /// Largest number of blocks across a window.
+    fn window_blocks(self) -> u32 {
+        let (shape, clusters) = (self.job.shape, Clusters::of_basis(&self.job.basis).count());
+        let most = self.memory_bytes.map_or(WINDOW_BYTES, |limit| (limit / 4 * WINDOW_QUARTERS).min(WINDOW_BYTES));
+        let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= most;
+        (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
+    }
+}
 
 /// What is filtered one after the other.
 struct Windows {
@@ -76,9 +97,9 @@ pub(crate) struct DenoisedSource {
 impl DenoisedSource {
     /// Resources for packing a denoised matrix, for each thread beside the current block. First blocks are made, which takes
     /// `source`, and gathered; then windows are filtered; then blocks are spread and compressed (`compressing_bytes` more).
-    pub(crate) fn need(job: &Job, source: ResourceEstimate, compressing_bytes: u64) -> ResourceEstimate {
-        let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
-        let stages = Self::need_of_windows(job, source, windows);
+    pub(crate) fn need(of: DenoisedJob<'_>, source: ResourceEstimate, compressing_bytes: u64) -> ResourceEstimate {
+        let job = of.job;
+        let stages = Self::need_of_windows(job, source, of.window_blocks());
         let disk_bytes = source.disk_bytes + Self::disk_bytes(job);
         ResourceEstimate {
             per_thread_bytes: stages.per_thread_bytes.max(compressing_bytes),
@@ -126,21 +147,20 @@ impl DenoisedSource {
     /// # Errors
     /// Those of the disk.
     pub(crate) fn begin(
-        job: &Job,
+        of: DenoisedJob<'_>,
         path: &Path,
         fingerprint: [u8; 32],
         overwrite: bool,
         shards: Option<ShardSet>,
     ) -> Result<Self> {
-        let shape = job.shape;
+        let (job, shape) = (of.job, of.job.shape);
         let blocks = shape.block_count();
         let open = |name, keys| open_spill(&with_suffix(path, name), fingerprint, keys, overwrite);
         let records = match shards {
             Some(shards) => Records::Shards(shards),
             None => Records::File(open(GATHERED, GATHERED_PARTS * blocks)?),
         };
-        let clusters = Clusters::of_basis(&job.basis);
-        let windows = windows_of(shape, (window_blocks(shape, clusters.count()), shape.blocks_down()));
+        let windows = windows_of(shape, (of.window_blocks(), shape.blocks_down()));
         Self::over(
             job,
             path,
@@ -537,12 +557,6 @@ pub(crate) fn blocks_read(shape: MatrixShape, places: &Range<u32>) -> Vec<BlockI
     blocks(whole.y, whole.height)
         .flat_map(|row| across.clone().map(move |column| BlockId(row * shape.blocks_across() + column)))
         .collect()
-}
-
-/// Largest number of blocks across a window.
-fn window_blocks(shape: MatrixShape, clusters: usize) -> u32 {
-    let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= WINDOW_BYTES;
-    (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
 }
 
 /// Bytes of a window this many blocks wide.

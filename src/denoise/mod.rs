@@ -59,7 +59,7 @@ pub const DENOISER_VERSION: u32 = 23;
 #[cfg(feature = "scene")]
 pub(crate) use denoise_inputs::DenoiseInputs;
 pub use denoised_rows::DenoisedRows;
-pub(crate) use denoised_source::DenoisedSource;
+pub(crate) use denoised_source::{DenoisedJob, DenoisedSource};
 #[cfg(feature = "scene")]
 pub(crate) use denoised_source::{blocks_read, mean_of};
 pub use denoiser::{DenoisedRegion, Denoiser, DenoiserRows};

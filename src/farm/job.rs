@@ -20,6 +20,7 @@ use super::worker::Worker;
 use crate::blob_store::BlobStore;
 use crate::block_records::{Shard, ShardHead, ShardSet, hex, plan_prefix};
 use crate::compress::{CompressorPlan, Scope};
+use crate::denoise::DenoisedJob;
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
 use crate::light::Job;
@@ -136,7 +137,8 @@ impl FarmJob {
         let begun = Instant::now();
         let job = &self.terms.job;
         let plan = self.plan()?;
-        let merging = need_of(&plan, job.shape, ResourceEstimate::of(&[]), self.denoises().then_some(job));
+        let denoised = self.denoises().then_some(DenoisedJob { job, memory_bytes: None });
+        let merging = need_of(&plan, job.shape, ResourceEstimate::of(&[]), denoised);
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
         let (worker, need) = self.worker(plan, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;

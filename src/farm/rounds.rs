@@ -362,7 +362,7 @@ fn cut(unit: &Unit<'_>, names: &[String], part: u32, watch: &dyn Progress) -> Re
         // The candidates of some blocks are coded to know how large the file becomes.
         Target::Bytes(_) => {
             let sample = Sizing::sample(job.shape);
-            let need = need_of(&plan, job.shape, ResourceEstimate::of(&[]), options.denoise.then_some(job));
+            let need = need_of(&plan, job.shape, ResourceEstimate::of(&[]), options.denoised(job));
             let need = need.and(&[&Held(2 * unit.depot.held_bytes())]);
             let threads = Threads::new(need.threads_within("choosing the slope", options.memory_bytes)?)?;
             let candidates = unit.candidates(&sample, scratch_file(None, blocks)?.1, plan)?;

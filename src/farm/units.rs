@@ -146,7 +146,7 @@ impl Unit<'_> {
     /// Threads that stay within the memory while blocks are analysed or coded.
     fn threads(&self, work: &str, plan: &CompressorPlan) -> Result<Threads> {
         let Terms { job, options, .. } = self.terms;
-        let need = need_of(plan, job.shape, ResourceEstimate::of(&[]), options.denoise.then_some(job));
+        let need = need_of(plan, job.shape, ResourceEstimate::of(&[]), options.denoised(job));
         self.threads_of(work, need)
     }
 

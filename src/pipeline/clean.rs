@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use super::import::ImportedMatrix;
 use super::row_spill::{RowPlace, RowSpill};
 use crate::block_records::stop_if_interrupted;
-use crate::denoise::{DENOISER_VERSION, DenoisedSource};
+use crate::denoise::{DENOISER_VERSION, DenoisedJob, DenoisedSource};
 use crate::error::{Error, Hint, Result};
 use crate::files::check_output;
 use crate::image::LightSet;
@@ -50,7 +50,8 @@ pub fn clean_images(
     let size = (shape.width() as usize, shape.height() as usize);
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
     let making = ResourceEstimate::of(&[&PerThread(reading)]);
-    let mut need = DenoisedSource::need(job, making, shape.max_block_bytes().max(set.thread_bytes()));
+    let of = DenoisedJob { job, memory_bytes: options.memory_bytes };
+    let mut need = DenoisedSource::need(of, making, shape.max_block_bytes().max(set.thread_bytes()));
     let images = RowSpill::bytes(shape.columns(), size.0, size.1);
     need.disk_bytes += 2 * images;
     need.most_disk_bytes = need.disk_bytes;
@@ -59,7 +60,7 @@ pub fn clean_images(
     fingerprint.update(job.hash().0);
     fingerprint.update(format!("cleaned images {DENOISER_VERSION}"));
     let scales = job.basis.column_scales();
-    let mut denoised = DenoisedSource::begin(job, to, fingerprint.finalize().into(), options.overwrite, None)?;
+    let mut denoised = DenoisedSource::begin(of, to, fingerprint.finalize().into(), options.overwrite, None)?;
     denoised.gather(&threads, JobStage { name: "reading", work_unit: "B" }, watch, |id, block| {
         matrix.read_block(id, block)?;
         block.divide_columns(scales);

@@ -527,7 +527,7 @@ fn packing_need(
     let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
     let options = options.for_source(is_noise_known && can_be_denoised(&job));
     let plan = CompressorPlan::new(&job.basis, shape, options.compress.clone())?;
-    let need = pack::need_of(&plan, shape, ResourceEstimate::of(&[]), options.denoise.then_some(&job));
+    let need = pack::need_of(&plan, shape, ResourceEstimate::of(&[]), options.denoised(&job));
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }

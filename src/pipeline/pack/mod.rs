@@ -31,7 +31,7 @@ use crate::compress::{
 };
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::denoise::DENOISER_VERSION;
-use crate::denoise::{DenoisedSource, ExternalImages};
+use crate::denoise::{DenoisedJob, DenoisedSource, ExternalImages};
 use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
 use crate::light::{DenoiseErrors, DenoisedLight, Job};
@@ -96,6 +96,11 @@ impl PackOptions {
     /// Options of the container, with its report. These options are those after [`for_source`](Self::for_source).
     pub(crate) fn container_options(&self) -> ContainerOptions {
         ContainerOptions { report: report_of(self), ..self.container.clone() }
+    }
+
+    /// The job as it is denoised, if it is. These options are those after [`for_source`](Self::for_source).
+    pub(crate) fn denoised<'a>(&self, job: &'a Job) -> Option<DenoisedJob<'a>> {
+        self.denoise.then_some(DenoisedJob { job, memory_bytes: self.memory_bytes })
     }
 
     /// These options as they apply to blocks with or without planes.
@@ -176,6 +181,7 @@ pub(crate) struct Packing {
     basis: Option<ExternalImages>,
     overwrite: bool,
     allow_lost_lights: bool,
+    memory_bytes: Option<u64>,
     threads: Threads,
 }
 
@@ -195,7 +201,7 @@ impl Packing {
         let plan = plan_of(job, options)?;
         let basis = open_basis(options, job)?;
         let asking = Held(if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) });
-        let need = need_of(&plan, job.shape, source.need, options.denoise.then_some(job));
+        let need = need_of(&plan, job.shape, source.need, options.denoised(job));
         let need = need.and(&[&basis, &asking, &options.promise.as_deref()]);
         let overwrite = container.overwrite;
         // Before any message on memory and disk.
@@ -222,6 +228,7 @@ impl Packing {
             basis,
             overwrite,
             allow_lost_lights: options.allow_lost_lights,
+            memory_bytes: options.memory_bytes,
             threads,
         };
         Ok((packing, plan))
@@ -347,7 +354,8 @@ impl Packing {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         // From here on columns are divided by their scales.
-        let mut denoised = DenoisedSource::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
+        let of = DenoisedJob { job: &self.job, memory_bytes: self.memory_bytes };
+        let mut denoised = DenoisedSource::begin(of, &self.path, self.fingerprint, self.overwrite, shards)?;
         let blocks_kept = denoised.gather(&self.threads, stage, watch, make)?;
         match &self.basis {
             Some(basis) => denoised.take(basis, watch)?,
@@ -500,7 +508,7 @@ pub(crate) fn need_of(
     plan: &CompressorPlan,
     shape: MatrixShape,
     source: ResourceEstimate,
-    denoised: Option<&Job>,
+    denoised: Option<DenoisedJob<'_>>,
 ) -> ResourceEstimate {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
@@ -515,7 +523,7 @@ pub(crate) fn need_of(
     // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
     let compressing = plan.thread_bytes() + 3 * candidate;
     let making = match denoised {
-        Some(job) => DenoisedSource::need(job, source, compressing),
+        Some(of) => DenoisedSource::need(of, source, compressing),
         None => ResourceEstimate { most_disk_bytes: source.disk_bytes, ..source.and(&[&PerThread(compressing)]) },
     };
     let held = Held(4096 * blocks + 48 * columns + plan.fixed_bytes());

@@ -130,7 +130,7 @@ impl ProgressiveRender {
         if !is_found {
             let need = scene_need(&scene, trace_settings(&settings), &job);
             let of_source = options.for_source(scene.has_planes(settings.samples_per_pixel));
-            let need = need_of(&plan_of(&job, &of_source)?, job.shape, need, of_source.denoise.then_some(&job));
+            let need = need_of(&plan_of(&job, &of_source)?, job.shape, need, of_source.denoised(&job));
             let there = files_of_pack(path);
             need.admit("rendering", path, &there.each_ref().map(PathBuf::as_path), options.memory_bytes, watch)?;
         }
