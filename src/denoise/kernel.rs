@@ -198,10 +198,16 @@ impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
         let weighed = weigher.weighed();
         let planes = weighed.planes(images.planes());
         for part in 0..weighed.parts() {
-            self.weigh(simd, part);
-            for some in (0..planes).step_by(IMAGE) {
-                let plane = |at: usize| weighed.plane(part, (some + at).min(planes - 1), images.planes());
-                self.add_up(simd, std::array::from_fn(plane));
+            let groups = (0..planes).step_by(IMAGE).map(|some| {
+                std::array::from_fn(|at| weighed.plane(part, (some + at).min(planes - 1), images.planes()))
+            });
+            let is_lit: Vec<([usize; IMAGE], bool)> = groups.map(|some| (some, self.is_lit(some))).collect();
+            // What the other parts share is made with the weights of the first.
+            if part == 0 || is_lit.iter().any(|&(_, is_lit)| is_lit) {
+                self.weigh(simd, part);
+            }
+            for (some, is_lit) in is_lit {
+                if is_lit { self.add_up(simd, some) } else { self.leave_dark(some) }
             }
         }
     }
@@ -248,6 +254,24 @@ impl<W: Weigh> TileOfMeans<'_, W> {
         let (PixelTile { x, y }, images, radius) = (self.tile, self.of.images, self.of.offsets.radius);
         let (right, bottom, held) = (x + TILE_WIDTH + radius, y + TILE_HEIGHT + radius, images.held());
         x >= radius && y >= radius + held.start && right <= images.width() && bottom <= held.end
+    }
+
+    /// Whether there is anything but 0 in these planes within the radius of the tile. Of many lights, most light no more than a part of
+    /// the picture.
+    fn is_lit(&self, some: [usize; IMAGE]) -> bool {
+        let (PixelTile { x, y }, images, radius) = (self.tile, self.of.images, self.of.offsets.radius);
+        let (held, width) = (images.held(), images.width());
+        // Beyond what is held, the rows at its border are repeated.
+        let rows = y.saturating_sub(radius).clamp(held.start, held.end - 1)..(y + TILE_HEIGHT + radius).min(held.end);
+        let columns = x.saturating_sub(radius).min(width - 1)..(x + TILE_WIDTH + radius).min(width);
+        some.iter().any(|&plane| rows.clone().any(|y| images.row(plane, y)[columns.clone()].iter().any(|&v| v != 0.0)))
+    }
+
+    /// Writes what [`add_up`](Self::add_up) finds where there is no light.
+    fn leave_dark(&mut self, some: [usize; IMAGE]) {
+        for rows in self.out.chunks_exact_mut(self.of.images.planes()) {
+            some.iter().for_each(|&plane| rows[plane].fill(0.0));
+        }
     }
 
     /// Adds up the weighted neighbours in these planes. A plane may be listed several times.
