@@ -37,10 +37,11 @@ use crate::light::{Clusters, Job, LightGroups, LightKind};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Threads};
 
-/// Memory limit for the rows of a window that are held at once. A window of one block is filtered in any case.
-const WINDOW_BYTES: u64 = 512 << 20;
+/// Memory limit for the rows of a window that are held at once: narrower windows read more halo for the same pixels. A window of one
+/// block is filtered in any case.
+const WINDOW_BYTES: u64 = 1536 << 20;
 
-/// Windows take at most this share of the memory that a job may take, in quarters. Narrower ones read more halo for the same pixels.
+/// Windows take at most this share, in quarters, of the memory that a job may take.
 const WINDOW_QUARTERS: u64 = 3;
 
 /// Number of blocks decoded in parallel.
@@ -50,15 +51,15 @@ const BLOCKS_AT_HAND: u64 = 4;
 #[derive(Clone, Copy)]
 pub(crate) struct DenoisedJob<'a> {
     pub(crate) job: &'a Job,
-    /// Limit of anonymous memory in bytes, if one was given: windows are narrower below it, with the same result.
-    pub(crate) memory_bytes: Option<u64>,
+    /// Anonymous memory in bytes that it may take: where that is little, windows are narrower, with the same result.
+    pub(crate) budget_bytes: u64,
 }
 
 impl DenoisedJob<'_> {
     /// Largest number of blocks across a window.
     fn window_blocks(self) -> u32 {
         let (shape, clusters) = (self.job.shape, Clusters::of_basis(&self.job.basis).count());
-        let most = self.memory_bytes.map_or(WINDOW_BYTES, |limit| (limit / 4 * WINDOW_QUARTERS).min(WINDOW_BYTES));
+        let most = (self.budget_bytes / 4 * WINDOW_QUARTERS).min(WINDOW_BYTES);
         let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= most;
         (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
     }

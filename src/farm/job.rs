@@ -137,7 +137,7 @@ impl FarmJob {
         let begun = Instant::now();
         let job = &self.terms.job;
         let plan = self.plan()?;
-        let denoised = self.denoises().then_some(DenoisedJob { job, memory_bytes: None });
+        let denoised = self.denoises().then_some(DenoisedJob { job, budget_bytes: u64::MAX });
         let merging = need_of(&plan, job.shape, ResourceEstimate::of(&[]), denoised);
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
         let (worker, need) = self.worker(plan, None)?;

@@ -14,7 +14,7 @@ use crate::files::check_output;
 use crate::image::LightSet;
 use crate::light::Clusters;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, TracedBlock};
-use crate::resources::{JobStage, MemoryNeed, PerThread, Progress, ResourceEstimate, Threads};
+use crate::resources::{JobStage, MemoryNeed, PerThread, Progress, ResourceEstimate, Threads, budget_bytes};
 use crate::store;
 
 /// Choices of cleaning.
@@ -50,7 +50,7 @@ pub fn clean_images(
     let size = (shape.width() as usize, shape.height() as usize);
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
     let making = ResourceEstimate::of(&[&PerThread(reading)]);
-    let of = DenoisedJob { job, memory_bytes: options.memory_bytes };
+    let of = DenoisedJob { job, budget_bytes: budget_bytes(options.memory_bytes) };
     let mut need = DenoisedSource::need(of, making, shape.max_block_bytes().max(set.thread_bytes()));
     let images = RowSpill::bytes(shape.columns(), size.0, size.1);
     need.disk_bytes += 2 * images;

@@ -36,7 +36,7 @@ use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
 use crate::light::{DenoiseErrors, DenoisedLight, Job};
 use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
-use crate::resources::{Held, JobStage, MemoryNeed, PerThread, ResourceEstimate, Threads};
+use crate::resources::{Held, JobStage, MemoryNeed, PerThread, ResourceEstimate, Threads, budget_bytes};
 use crate::resources::{PeakMemory, Progress};
 use crate::store;
 
@@ -100,7 +100,7 @@ impl PackOptions {
 
     /// The job as it is denoised, if it is. These options are those after [`for_source`](Self::for_source).
     pub(crate) fn denoised<'a>(&self, job: &'a Job) -> Option<DenoisedJob<'a>> {
-        self.denoise.then_some(DenoisedJob { job, memory_bytes: self.memory_bytes })
+        self.denoise.then(|| DenoisedJob { job, budget_bytes: budget_bytes(self.memory_bytes) })
     }
 
     /// These options as they apply to blocks with or without planes.
@@ -181,7 +181,7 @@ pub(crate) struct Packing {
     basis: Option<ExternalImages>,
     overwrite: bool,
     allow_lost_lights: bool,
-    memory_bytes: Option<u64>,
+    budget_bytes: u64,
     threads: Threads,
 }
 
@@ -201,7 +201,9 @@ impl Packing {
         let plan = plan_of(job, options)?;
         let basis = open_basis(options, job)?;
         let asking = Held(if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) });
-        let need = need_of(&plan, job.shape, source.need, options.denoised(job));
+        let denoised = options.denoised(job);
+        let budget_bytes = denoised.map_or(0, |of| of.budget_bytes);
+        let need = need_of(&plan, job.shape, source.need, denoised);
         let need = need.and(&[&basis, &asking, &options.promise.as_deref()]);
         let overwrite = container.overwrite;
         // Before any message on memory and disk.
@@ -228,7 +230,7 @@ impl Packing {
             basis,
             overwrite,
             allow_lost_lights: options.allow_lost_lights,
-            memory_bytes: options.memory_bytes,
+            budget_bytes,
             threads,
         };
         Ok((packing, plan))
@@ -354,7 +356,7 @@ impl Packing {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         // From here on columns are divided by their scales.
-        let of = DenoisedJob { job: &self.job, memory_bytes: self.memory_bytes };
+        let of = DenoisedJob { job: &self.job, budget_bytes: self.budget_bytes };
         let mut denoised = DenoisedSource::begin(of, &self.path, self.fingerprint, self.overwrite, shards)?;
         let blocks_kept = denoised.gather(&self.threads, stage, watch, make)?;
         match &self.basis {
