@@ -308,30 +308,38 @@ impl<W: Weigh> TileOfMeans<'_, W> {
     }
 }
 
-/// Weighted sums of two vectors of pixels in each of six planes. `taps` has the distance of each neighbour in memory.
-/// Written out so that the sums stay in registers; fused multiply–add on every machine, so that the bits are the same.
+/// Weighted sums of two vectors of pixels in each of six planes. `taps` has the distance of each neighbour in memory, ascending.
+/// Written out so that the sums stay in registers, and each neighbour's place is checked once for all planes; fused multiply–add on every
+/// machine, so that the bits are the same.
 #[inline(always)]
 fn add_up_vectors<S: Simd>(
     simd: S,
     values: &[f32],
-    [a, b, c, d, e, f]: [usize; IMAGE],
+    at: [usize; IMAGE],
     weights: &[f32],
     taps: &[isize],
 ) -> [[S::f32s; 2]; IMAGE] {
+    let two = 2 * S::F32_LANES;
     let zero = simd.splat_f32s(0.0);
-    let add = |[low, high]: [S::f32s; 2], [w_low, w_high]: [S::f32s; 2], at: usize| {
-        let values = [load::<S>(values, at), load::<S>(values, at + S::F32_LANES)];
+    let [mut of_a, mut of_b, mut of_c, mut of_d, mut of_e, mut of_f] = [[zero; 2]; IMAGE];
+    let (first, last) = (taps.first().copied().unwrap_or(0), taps.last().copied().unwrap_or(0));
+    let begins = (last - first) as usize;
+    let [a, b, c, d, e, f] = at.map(|at| &values[at.wrapping_add_signed(first)..][..begins + two]);
+    let add = |[low, high]: [S::f32s; 2], [w_low, w_high]: [S::f32s; 2], values: &[f32]| {
+        let values = S::as_simd_f32s(values).0;
         [simd.mul_add_f32s(w_low, values[0], low), simd.mul_add_f32s(w_high, values[1], high)]
     };
-    let [mut of_a, mut of_b, mut of_c, mut of_d, mut of_e, mut of_f] = [[zero; 2]; IMAGE];
     for (&tap, weights) in taps.iter().zip(weights.chunks(WEIGHTS)) {
-        let weights = [load::<S>(weights, 0), load::<S>(weights, S::F32_LANES)];
-        of_a = add(of_a, weights, a.wrapping_add_signed(tap));
-        of_b = add(of_b, weights, b.wrapping_add_signed(tap));
-        of_c = add(of_c, weights, c.wrapping_add_signed(tap));
-        of_d = add(of_d, weights, d.wrapping_add_signed(tap));
-        of_e = add(of_e, weights, e.wrapping_add_signed(tap));
-        of_f = add(of_f, weights, f.wrapping_add_signed(tap));
+        let weights = S::as_simd_f32s(&weights[..two]).0;
+        let weights = [weights[0], weights[1]];
+        let tap = (tap - first) as usize;
+        assert!(tap <= begins, "taps ascend");
+        of_a = add(of_a, weights, &a[tap..][..two]);
+        of_b = add(of_b, weights, &b[tap..][..two]);
+        of_c = add(of_c, weights, &c[tap..][..two]);
+        of_d = add(of_d, weights, &d[tap..][..two]);
+        of_e = add(of_e, weights, &e[tap..][..two]);
+        of_f = add(of_f, weights, &f[tap..][..two]);
     }
     [of_a, of_b, of_c, of_d, of_e, of_f]
 }
