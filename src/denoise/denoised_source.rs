@@ -41,8 +41,8 @@ use crate::resources::{Held, JobStage, PerThread, Progress, ResourceEstimate, Th
 /// block is filtered in any case.
 const WINDOW_BYTES: u64 = 1536 << 20;
 
-/// Windows take at most this share, in quarters, of the memory that a job may take.
-const WINDOW_QUARTERS: u64 = 3;
+/// One over the largest share of the memory of a job that its windows take; its blocks and threads have the rest.
+const WINDOW_PART: u64 = 2;
 
 /// Number of blocks decoded in parallel.
 const BLOCKS_AT_HAND: u64 = 4;
@@ -59,7 +59,7 @@ impl DenoisedJob<'_> {
     /// Largest number of blocks across a window.
     fn window_blocks(self) -> u32 {
         let (shape, clusters) = (self.job.shape, Clusters::of_basis(&self.job.basis).count());
-        let most = (self.budget_bytes / 4 * WINDOW_QUARTERS).min(WINDOW_BYTES);
+        let most = (self.budget_bytes / WINDOW_PART).min(WINDOW_BYTES);
         let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= most;
         (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
     }
